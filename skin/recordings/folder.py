@@ -251,7 +251,8 @@ def _with_array(config: ReadoutConfig, table: Table, given: Collection[str]) -> 
         if config.taxels != taxels:
             array = f"{config.rows} x {config.columns} = {config.taxels}"
             raise InputError(
-                f"{table.path} has {taxels} taxels, but the array has {array}; give --rows and --columns, or neither, or choose columns with --taxel-columns"
+                f"{table.path} has {taxels} taxels, but the array has {array}; give --rows and --columns, or "
+                f"neither, or choose columns with --taxel-columns"
             )
         return config
     if (size := array_of(taxels)) is None:

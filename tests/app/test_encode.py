@@ -173,6 +173,10 @@ with io.BytesIO() as file:
     np.save(file, GOOD)
     CUT_OFF = file.getvalue()[:-8]
 RATE = "--sample-rate 1000"
+SCALES = (
+    "--scale needs a number other than 0, a number for each taxel such as 0.5,2, max, per-taxel, or a percentile such "
+    "as p99.9"
+)
 IMAGES = ", ".join(IMAGE_SUFFIXES)
 
 ENCODE_ERRORS: dict[str, tuple[str, Any, str]] = {
@@ -226,9 +230,9 @@ ENCODE_ERRORS: dict[str, tuple[str, Any, str]] = {
     "first, or add --scale max": ("x.npy", np.where(np.eye(5, 64), -1.25, 1.0), RATE),
     "x.csv has the code 2048 at tick 1, taxel 0, outside -2048..2047 of 12 bits; add --sample-bits, or --scale "
     "FACTOR if the file has physical values": ("x.csv", b"time_s,a\n0,1\n1,2048\n2,3\n", ""),
-    "--scale needs a number other than 0, or max, not '0'": ("x.npy", GOOD, RATE + " --scale 0"),
-    "--scale needs a number other than 0, or max, not 'nan'": ("x.npy", GOOD, RATE + " --scale nan"),
-    "--scale needs a number other than 0, or max, not 'min'": ("x.npy", GOOD, RATE + " --scale min"),
+    f"{SCALES}, not '0'": ("x.npy", GOOD, RATE + " --scale 0"),
+    f"{SCALES}, not 'nan'": ("x.npy", GOOD, RATE + " --scale nan"),
+    f"{SCALES}, not 'min'": ("x.npy", GOOD, RATE + " --scale min"),
     "--model must be one of cycle, functional, not 'ideal'": ("x.npy", GOOD, RATE + " --model ideal"),
     "--preset and --start-row are only for images, and this input has samples; "
     "leave them out": ("x.npy", GOOD, "--preset paper"),
