@@ -14,15 +14,15 @@ from eskin.cocotb_tests.runner.cocotb_runners import build_environment
 from eskin.cocotb_tests.runner.simulator import require_programs
 from eskin.cocotb_tests.test_host import CONFIGS as HOSTS
 from eskin.cocotb_tests.test_readout import breadth, name
+from eskin.model.cases import CHOICES, axes, cases, pairs
 from eskin.model.config import ReadoutConfig
-from eskin.model.encoders import registry
 from eskin.model.registers.export import c_header, page
 from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl.delivery import constraints, core, description, ports, write
 from eskin.rtl.verilog import Config, top_block, verilog
 from tests.conftest import run_eskin as call
 
-ENCODINGS = registry.NAMES
+ENCODINGS = CHOICES["encoding"]
 ASYNCHRONOUS = ("aer_ack", "spi_sck", "spi_cs_n", "spi_mosi")
 
 
@@ -37,34 +37,26 @@ def with_registers() -> list[ReadoutConfig]:
     ]
 
 
-def extremes() -> list[ReadoutConfig]:
-    """Return configurations with every encoder at the limits of its fields.
+WIDTHS = tuple({"sample_bits": bits, "resolution": resolution} for bits, resolution in ((3, 1), (12, 10), (24, 1)))
+LIMITS = (
+    {"window_period": 1, "leak_period": 1, "leak_shift": 16, "fraction_bits": 0},
+    {"closing_shift": 0, "leak_period": 2**20, "leak_shift": 1},
+    {"closing_shift": 16, "window_period": 2**16},
+)
 
-    Every encoder meets several widths and both front ends.
-    """
-    windows = [{"window_period": 1}, {"closing_shift": 0}, {"closing_shift": 16, "window_period": 2**16}]
-    leaks = [{"leak_period": 1, "leak_shift": 16, "fraction_bits": 0}, {"leak_period": 2**20, "leak_shift": 1}]
-    own: dict[str, Any] = {e.name: windows if e.windowed else leaks if e.leaks else [{}] * 3 for e in registry.ENCODERS}
-    widths = [(3, 1), (12, 10), (24, 1)]
-    ends = [
-        (encoding, more, widths[(e + m) % 3], ("digital", "analog")[(e + m) % 2])
-        for e, encoding in enumerate(ENCODINGS)
-        for m, more in enumerate(own[encoding])
-    ]
-    fields: list[dict[str, object]] = [
-        {"encoding": encoding, "rows": 2, "columns": 3, "frontend": frontend}
-        | {"decide_every": "sample" if i // 2 % 2 else "clock"}
-        | {"sample_bits": bits, "resolution": resolution, "fraction_bits": 7}
-        | more
-        for i, (encoding, more, (bits, resolution), frontend) in enumerate(ends)
-    ]
+
+def extremes() -> list[ReadoutConfig]:
+    """Return configurations with every encoder at the limits of its fields."""
+    base = ReadoutConfig(rows=2, columns=3, fraction_bits=7)
     # Decay ticks: all rows in one phase, several rows in each, and a phase for every row.
-    phases = [(64, 1, 1), (5, 1, 2), (3, 5, 3)]
-    fields += [
-        {"encoding": "nlcs", "rows": rows, "columns": columns, "leak_period": period}
-        for rows, columns, period in phases
+    phases = [
+        {"rows": rows, "columns": columns, "leak_period": period}
+        for rows, columns, period in ((64, 1, 1), (5, 1, 2), (3, 5, 3))
     ]
-    return [ReadoutConfig.from_dict(one) for one in fields]
+    return [
+        *pairs(base, **axes("encoding", "frontend", "decide_every"), widths=WIDTHS, limits=LIMITS),
+        *cases(encoding=["nlcs"], phases=phases),
+    ]
 
 
 def lint(path: Path, *more: Path) -> str:

@@ -12,8 +12,8 @@ from eskin.base.errors import InputError
 from eskin.cocotb_tests.bench.random_run import RandomRun
 from eskin.cocotb_tests.runner.process import ReadoutRun, play_runs
 from eskin.cocotb_tests.runner.simulator import build
+from eskin.model.cases import axes, cases, singles
 from eskin.model.config import MAX_LEAK_PERIOD, MAX_SIDE, ReadoutConfig
-from eskin.model.encoders import registry
 from eskin.model.events.compare import first_difference
 from eskin.model.readout import Stimulus, simulate
 from tests.random_cases.player import Design
@@ -38,7 +38,7 @@ class End:
         return BASE | {"encoding": self.encoding} | self.others | {self.name: self.value}
 
 
-LEVELS = [ReadoutConfig.from_dict(BASE | {"encoding": name, "resolution": 2}) for name in registry.NAMES]
+LEVELS = cases(ReadoutConfig.from_dict(BASE | {"resolution": 2}), **axes("encoding"))
 CODES = {c.encoding: (c.encoder.lowest(c), c.full_scale - c.grid) for c in LEVELS}
 """Lowest and highest level of a reference of 6 bits with a step of 4 codes."""
 
@@ -71,31 +71,26 @@ STIMULI: tuple[dict[str, Any], ...] = (
     {"signal": "noise", "gap": 1, "sink": "random", "masks": 100},
     {"signal": "near", "gap": 12, "sink": "slow", "masks": 3},
 )
-SIDES = [("digital", "stream"), ("analog", "four_phase")]
-"""Front ends and links."""
 NO_HARDWARE = {"sample_rate_hz", "clocks_per_sample"}
 """Units of time: nothing of them is in the RTL."""
 
 
-def sides(end: End) -> list[tuple[str, str]]:
-    """Return front ends and links to play; one pair in turn for a parameter of all encoders."""
+def sides(end: End) -> list[ReadoutConfig]:
+    """Return configurations with every front end and link; one in turn for a parameter of all encoders."""
+    found = singles(ReadoutConfig.from_dict(end.fields), **axes("frontend", "link"))
     of_all = [one for one in ENDS if one.name in ("sample_bits", "resolution", "reference_reset")]
-    if end not in of_all:
-        return SIDES
-    group, encoder = divmod(of_all.index(end), len(CODES))
-    return [SIDES[(group + encoder) % 2]]
+    return [found[of_all.index(end) % len(found)]] if end in of_all else found
 
 
 @pytest.mark.parametrize("end", ENDS, ids=lambda end: f"{end.name}-{end.value}-{end.encoding}")
 def test_rtl_equals_the_model_at_an_end(end: End) -> None:
     events = 0
-    for frontend, link in sides(end):
-        config = ReadoutConfig.from_dict(end.fields | {"frontend": frontend, "link": link})
+    for config in sides(end):
         design = Design(config)
         for run, own in enumerate(STIMULI):
             stimulus = RandomRun(config, seed=run, clocks=120, **own).stimulus
             expected = simulate(config, stimulus)
-            assert first_difference(expected, design.play(stimulus)) is None, (frontend, own)
+            assert first_difference(expected, design.play(stimulus)) is None, (config, own)
             events += len(expected)
     assert events > 20
     with pytest.raises(InputError, match=end.name):
