@@ -30,7 +30,13 @@ def test_the_guide_does_what_it_shows(folder: Path, capsys: pytest.CaptureFixtur
     assert capsys.readouterr().out == shown
     assert values["picture"]._repr_png_().startswith(b"\x89PNG")
     assert eskin.Recording.load("sine.npz").events.tolist() == values["events"].tolist()
-    assert {path.name for path in folder.iterdir()} == {"sine.png", "sine.npz", "weights.npz"}
+    files = {"sine.png", "sine.npz", "sine.csv", "weights.npz", "integer.npz"}
+    assert {path.name for path in folder.iterdir()} == files
+    assert values["batch"][0].tolist() == values["events"].tolist()
+    assert values["found"] == [values["integers"].class_names[number] for number in values["scores"].argmax(1)]
+    assert values["counts"].shape == (8, *values["data"].values.shape[1:])
+    assert values["signal"].rate_hz == pytest.approx(values["config"].sample_rate_hz)
+    assert len(values["again"]) == len(values["events"])
     assert "output [15:0] count;" in values["text"]
     with pytest.raises(InputError, match=r"^the network takes time bins of 0.001 s, not 0.002 s; set bin_s$"):
         eskin.predict(values["weights"], eskin.dataset(ONE, [values["sines"][100]], bin_s=0.002))

@@ -33,8 +33,9 @@ class IntegerWeights:
     class_names: tuple[str, ...]
     notes: dict[str, Any] = field(default_factory=dict)
 
-    def save(self, path: Path) -> None:
+    def save(self, path: str | Path) -> None:
         """Write the network to an ``.npz`` file."""
+        path = Path(path)
         if path.suffix != ".npz":
             raise InputError(f"integer networks end in .npz, {path.name} does not; rename the output")
         header = {
