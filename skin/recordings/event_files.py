@@ -81,7 +81,8 @@ def kept_events(
             os.replace(part, folder)
     finally:
         shutil.rmtree(part, ignore_errors=True)
-    warnings = quality_warnings(recordings.config, recordings.codes, quality)
+    chosen = flat or "resolution" not in given  # flat: a network has the resolution
+    warnings = quality_warnings(recordings.config, recordings.codes, quality, chosen)
     return folder, recordings.notes, (*recordings.warnings, *warnings)
 
 

@@ -302,16 +302,27 @@ def write_folder(
     return total, quality_warnings(recordings.config, recordings.codes, total)
 
 
-def quality_warnings(config: ReadoutConfig, recordings: list[NDArray[np.int32]], quality: Quality) -> tuple[str, ...]:
-    """Return a warning for each kind of loss in a readout, with the option that avoids the loss."""
+def quality_warnings(
+    config: ReadoutConfig, recordings: list[NDArray[np.int32]], quality: Quality, chosen: bool = False
+) -> tuple[str, ...]:
+    """Return a warning for each kind of loss in a readout, with the option that avoids the loss.
+
+    No warning advises against resolution and scale if the program has ``chosen`` them.
+    """
     warnings = []
     more = f"raise --clocks-per-sample above {config.clocks_per_sample}, or leave it out"
     if not quality.events:
-        warnings.append("no taxel sends an event; raise --scale or --resolution, or check --baseline")
+        mend = "check --baseline" if chosen else "raise --scale or --resolution, or check --baseline"
+        warnings.append(f"no taxel sends an event; {mend}")
     elif quality.late + quality.merged > MUCH_LATE * quality.expected:
         warnings.append(
             f"the link is too slow: {quality.late} of {quality.expected} events are late, {quality.merged} decisions "
             f"merged; {more}"
+        )
+    if quality.events and 2 * len(quality.silent) > config.taxels:
+        mend = "" if chosen else "--scale per-taxel scales each taxel by its own range; "
+        warnings.append(
+            f"{len(quality.silent)} of {config.taxels} taxels send no event; {mend}--taxel-columns leaves columns out"
         )
     step, limit = steepest_step(config, recordings)
     if step > limit:
@@ -326,6 +337,6 @@ def quality_warnings(config: ReadoutConfig, recordings: list[NDArray[np.int32]],
             if config.encoder.windowed
             else "the reconstruction exceeds the decoder's bound; lower --scale"
         )
-    if quality.events and config.has_polarity and quality.snr_db < LOW_SNR_DB:
+    if quality.events and not chosen and config.has_polarity and quality.snr_db < LOW_SNR_DB:
         warnings.append(f"the reconstruction has {quality.snr_db:.1f} dB; raise --resolution or --scale")
     return tuple(warnings)

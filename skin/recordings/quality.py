@@ -35,6 +35,7 @@ class Quality:
     peak_load: float  # the load in the worst tick
     signal: float  # mean square, in codes, of the samples about the mean of their taxel
     noise: float  # mean square, in codes, of the difference between samples and reconstruction
+    silent: frozenset[int]  # taxels without an event
     bound_holds: bool  # the difference stays in the bound of the decoder at every tick (without OFF: its upper end)
 
     @property
@@ -72,6 +73,7 @@ def measure_quality(config: ReadoutConfig, codes: NDArray[np.int32], events: Eve
         peak_load=cost * int(per_tick.max()) / config.clocks_per_sample,
         signal=float(np.mean((codes - codes.mean(0)) ** 2)),
         noise=float(np.mean(error**2)),
+        silent=frozenset(np.flatnonzero(~sent.any(0)).tolist()),
         bound_holds=holds,
     )
 
@@ -125,6 +127,7 @@ def pooled(parts: list[Quality]) -> Quality:
         peak_load=max(p.peak_load for p in parts),
         signal=math.fsum(p.signal * p.samples for p in parts) / counts["samples"],
         noise=math.fsum(p.noise * p.samples for p in parts) / counts["samples"],
+        silent=frozenset.intersection(*(p.silent for p in parts)),
         bound_holds=all(p.bound_holds for p in parts),
     )
 

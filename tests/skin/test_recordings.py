@@ -352,6 +352,28 @@ def test_more_bits_give_a_better_signal_because_the_clock_follows_the_slope(tmp_
     assert snr_db[8, False] > snr_db[6, False] + 9
 
 
+def test_silent_taxels_are_said_and_a_choice_of_the_program_is_not_blamed(tmp_path):
+    values = counts("tap", taxels=5)
+    values[:, 1:4] = 10_000 + values[:, 1:4] % 3  # noise far below a step
+    write_csv(tmp_path / "s/tap/0.csv", values)
+    found = read_set(tmp_path / "s", FIRST, ReadoutConfig(resolution=3), {"resolution"})
+    _, quality = found.recording(0)
+    assert quality.silent == {1, 2, 3}
+    said = quality_warnings(found.config, found.codes, quality)
+    assert said[0].startswith("3 of 5 taxels send no event; --scale per-taxel ")
+    assert any("raise --resolution" in text for text in quality_warnings(found.config, found.codes, noisy(quality)))
+    blamed = quality_warnings(found.config, found.codes, noisy(quality), chosen=True)
+    assert blamed == ("3 of 5 taxels send no event; --taxel-columns leaves columns out",)
+    write_csv(tmp_path / "s/tap/1.csv", values[:, [1, 0, 2, 3, 4]])  # another taxel is touched
+    both = pooled([read_set(tmp_path / "s", FIRST, found.config, {"resolution"}).recording(k)[1] for k in range(2)])
+    assert both.silent == {2, 3}
+
+
+def noisy(quality):
+    """Return a quality with an SNR of 0 dB."""
+    return dataclasses.replace(quality, noise=quality.signal)
+
+
 def test_the_clock_is_as_slow_as_can_be(tmp_path):
     write_csv(tmp_path / "s/tap/0.csv", counts("tap"))
     found = read_set(tmp_path / "s", FIRST, ReadoutConfig())
