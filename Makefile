@@ -17,4 +17,4 @@ Makefile: ;
 	+@"$$ESKIN_PYTHON" -c 'import tomllib' 2>/dev/null || \
 	{ echo "error: Python 3.11 or newer not found; install with: apt-get install python3 python3-venv, or name one with PYTHON=" >&2; \
 	exit 2; }; \
-	"$$ESKIN_PYTHON" -m eskin.app.make $@
+	"$$ESKIN_PYTHON" -m eskin.app.make '$(subst ','\'',$@)'

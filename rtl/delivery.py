@@ -33,7 +33,7 @@ PORTS = PORTS_OF_ALL | {
     "above": "comparator decisions, {above}, settled before the rising edge",
     "below": "comparator decisions, {below}, settled before the rising edge",
     "reference_code": "references, for the DACs, from flops, signed, {sample_bits} bits each, in codes of a sample",
-    "half_width": "half-widths, for the DACs, from flops, unsigned, {half_width_bits} bits each, in codes",
+    "half_width": "half-widths, for the DACs, from {half_width_from}, unsigned, {half_width_bits} bits each, in codes",
     "step_code": "D in codes, for the comparators' DACs, from flops, unsigned; a host sets it",
     "field_select": "{{both, neighbours, own}} of every taxel, for its multiplexer, from flops, one-hot or none; taxel "
     "0 in the least significant bits; a host sets it",
@@ -161,6 +161,7 @@ def _fields(config: ReadoutConfig) -> dict[str, Any]:
     return config.to_dict() | {
         "above": f"x >= reference_code + {half_width + (' + 1' if config.encoder.strict else '')}",
         "below": f"x < reference_code - {half_width}",
+        "half_width_from": "flops" if config.registers == "none" else "logic behind flops",
         "half_width_bits": config.half_width_bits,
         "address_bits": _address_bits(config),
     }
@@ -225,6 +226,7 @@ def description(config: Config, gated: bool = False) -> str:
             "licence": "Apache-2.0",
             "configuration": config.to_dict(),
             "clock_hz": config.clock_hz,
+            "clock_gates": gated,
             "ports": [*ports(config, gated)],
         },
         indent=2,
@@ -293,12 +295,12 @@ def _summary(config: Config) -> str:
     return f"{what}, {config.rows} x {config.columns} taxels, {encoding}{config.resolution} b"
 
 
-def _of_registers(config: Config) -> dict[str, str]:
+def _of_registers(config: Config, gated: bool) -> dict[str, str]:
     """Return the C header and the documentation page of a design with registers, by file name."""
     readout = config.readout if isinstance(config, ChipConfig) else config
     if not isinstance(readout, ReadoutConfig) or readout.registers == "none":
         return {}
-    return {f"{NAME}.h": header(config, "//") + c_header(readout), f"{NAME}.md": page(readout)}
+    return {f"{NAME}.h": header(config, "//", gated) + c_header(readout), f"{NAME}.md": page(readout)}
 
 
 def _tiles(skin: TilesConfig) -> str:
@@ -321,8 +323,8 @@ def write(config: Config, folder: Path, gated: bool = False) -> list[Path]:
     }
     if isinstance(config, ReadoutConfig) and has_testbench(config):
         files["_tb.sv"] = testbench(config, TEST if gated else "")
-    texts = {f"{top}{suffix}": text for suffix, text in files.items()} | _of_registers(config)
-    texts |= {f"{GATE}.v": header(config, "//") + BEHAVIOUR} if gated else {}
+    texts = {f"{top}{suffix}": text for suffix, text in files.items()} | _of_registers(config, gated)
+    texts |= {f"{GATE}.v": header(config, "//", gated) + BEHAVIOUR} if gated else {}
     folder.mkdir(parents=True, exist_ok=True)
     earlier = _unchanged(folder, top, {f"{top}_tb.sv", f"{GATE}.v", f"{NAME}.h", f"{NAME}.md"} - set(texts))
     paths = []

@@ -77,7 +77,7 @@ def verilog(config: Config, gated: bool = False) -> str:
         text = _marked(clock_gates.gated(block_rtlil(top), top.module_name, config.reset == "sync"))
     else:
         text = block_verilog(top)
-    return header(config, "//") + _waive(text, config)
+    return header(config, "//", gated) + _waive(text, config)
 
 
 def block_verilog(block: Block[Any]) -> str:
@@ -111,13 +111,14 @@ def what_is(config: Config) -> str:
     return KINDS[type(config)][1]
 
 
-def header(config: Config, comment: str) -> str:
-    """Return the header of a generated file as comment lines: description, licence and configuration."""
+def header(config: Config, comment: str, gated: bool = False) -> str:
+    """Return the header of a generated file as comment lines: description, licence, configuration, and any gates."""
     lines = [
         f"{top_block(config).module_name}: {what_is(config)}, version {__version__}",
         "SPDX-License-Identifier: Apache-2.0",
         "Generated; do not edit. Configuration:",
         *(f"  {name} = {value}" for name, value in config.to_dict().items()),
+        *(["  clock_gates = True"] if gated else []),
     ]
     return "".join(f"{comment} {line}\n" for line in lines)
 
@@ -139,12 +140,16 @@ def _waive(text: str, config: Config) -> str:
 def _unused(text: str, config: Config) -> Iterator[tuple[str, str, str]]:
     """Yield module and name of every signal that may be unused in a Verilog text, and the reason."""
     awake = "low in a clock at whose end no register changes: for a clock gate, should there be one"
+    of_array = (
+        "low in a clock at whose end no register of rows and arbiter changes: for a clock gate of these, never of the "
+        "link or the registers of a host"
+    )
     readout = config.readout if isinstance(config, ChipConfig) else config
     network = config.classifier if isinstance(config, ChipConfig) else config
     if isinstance(readout, FrameConfig):
         yield FrameReadout.module_name, "awake", awake
     if isinstance(readout, ReadoutConfig):
-        yield Readout.module_name, "awake", awake
+        yield Readout.module_name, "awake", of_array
         if readout.frontend == "digital" and readout.grid > 1:
             why = "bits below the encoder's step can never change a decision: the taxel keeps the others"
             yield "eskin_taxel", "sample", why

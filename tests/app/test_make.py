@@ -94,6 +94,13 @@ def test_variables_arrive_as_typed(make: Make, checkout: Path) -> None:
     assert not (checkout / "bad").exists()
 
 
+@pytest.mark.parametrize("target", ["power;touch bad", "$$(touch bad)", "`touch bad`", "it's'; touch bad; '", "a b"])
+def test_a_target_is_no_command_of_the_shell(make: Make, checkout: Path, target: str) -> None:
+    done = make("--", target)
+    assert "error: there is no target " in done.stderr
+    assert not (checkout / "bad").exists()
+
+
 def test_a_real_run_writes_where_it_was_told(make: Make, checkout: Path) -> None:
     """Check that make, launcher and command pass a folder name unchanged."""
     text = "it's `touch bad` $(touch bad) $(shell touch bad) '; touch bad; '"

@@ -123,6 +123,16 @@ def test_who_drives_what_when_is_what_the_constraints_say() -> None:
     assert "| reference | -2048 to 2044, in steps of 4 |" in lines
 
 
+@pytest.mark.parametrize("registers", ["none", "spi"])
+def test_a_page_says_flops_of_a_half_width_only_where_its_dac_sees_flops(registers: str) -> None:
+    config = ReadoutConfig(rows=1, columns=1, encoding="cw-lcs", frontend="analog", registers=registers)
+    page = datasheet(config)
+    (meaning,) = (port["meaning"] for port in ports(config) if port["name"] == "half_width")
+    assert ("from flops" in meaning) is (registers == "none")
+    assert "at the pin" in page
+    assert ("the readout, from flops" in page) is (registers == "none")
+
+
 def test_another_configuration_is_another_page_and_the_same_is_the_same(tmp_path: Path) -> None:
     first, second = tmp_path / "1", tmp_path / "2"
     for folder in (first, second):

@@ -31,6 +31,7 @@ def test_the_folders_own_test_passes_and_finds_a_wrong_pin(call: Call, folder: P
     code, said, error = call(f"{BASE} --shuttle tt-ihp --size 1x2 -o chip")
     assert (code, error) == (0, "")
     assert "clock 5.12 MHz" in said
+    assert "unchecked whether the cells fit: add --lib TYP.lib" in said
     passes(folder / "chip")
     source = folder / "chip/src/tt_um_eskin_readout.v"
     source.write_text(source.read_text().replace(".mosi(ui_in[1])", ".mosi(~ui_in[1])"))

@@ -13,7 +13,7 @@ from eskin.cocotb_tests.touch.noise import play
 from eskin.flow.datasheet.page import deliver
 from eskin.model.cases import AXES, singles, values_of
 from eskin.model.config import ReadoutConfig
-from eskin.rtl.delivery import write
+from eskin.rtl.delivery import description, write
 from eskin.rtl.gates.clock_gates import BEHAVIOUR, GATE, TEST
 from eskin.rtl.verilog import verilog
 from eskin.verify.proofs.delivered import Different
@@ -53,6 +53,14 @@ def test_every_large_enable_and_every_awake_has_a_gate_and_all_test_enables_are_
     assert GATE not in modules["eskin_link"].replace(f"{GATE} gate_", "")
     assert text.count(".test_enable(test_enable)") >= text.count(f"  {GATE} ")
     assert "if (moves)" not in modules["eskin_taxel"]
+
+
+def test_header_and_description_tell_of_the_gates() -> None:
+    for gated in (False, True):
+        text = verilog(FEW, gated=gated)
+        assert ("//   clock_gates = True\n" in text) is gated
+        assert json.loads(description(FEW, gated))["clock_gates"] is gated
+        assert "never of the link or the registers of a host" in text
 
 
 def test_the_synchronisers_and_the_limiter_are_marked_in_both_texts() -> None:

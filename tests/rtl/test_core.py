@@ -38,8 +38,8 @@ def run(target: str, folder: Path, files: dict[str, str]) -> tuple[int, str]:
 
 def test_files_of_an_earlier_configuration_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     one = ReadoutConfig(rows=1, columns=1)
-    texts = {gated: verilog(one, gated).removeprefix(header(one, "//")) for gated in (False, True)}
-    monkeypatch.setattr(delivery, "verilog", lambda config, gated: header(config, "//") + texts[gated])
+    texts = {gated: verilog(one, gated).removeprefix(header(one, "//", gated)) for gated in (False, True)}
+    monkeypatch.setattr(delivery, "verilog", lambda config, gated: header(config, "//", gated) + texts[gated])
     host = one.replace(registers="spi")
     names = {path.name for path in write(one, tmp_path)}
     only_plain, only_host = {"eskin_readout_tb.sv"}, {"eskin_registers.h", "eskin_registers.md", "eskin_clock_gate.v"}

@@ -13,6 +13,7 @@ from eskin.verify.proofs.checker import Checker, Promises
 from eskin.verify.proofs.engine import Verdict, solve
 from eskin.verify.proofs.plan import Proof, proofs
 from eskin.verify.proofs.run import closing_line, outcomes
+from tests.conftest import command
 
 SMALL = [proof for proof in proofs() if proof.small]
 CONFIG = ReadoutConfig(rows=1, columns=1, link="four_phase")
@@ -35,6 +36,8 @@ def test_a_small_block_keeps_every_property(proof: Proof) -> None:
 
 def test_every_block_is_proved_in_a_small_configuration_too() -> None:
     assert {proof.block for proof in SMALL} == {proof.block for proof in proofs()}
+    (block,) = (option for option in command("formal").params if option.name == "block")
+    assert set(block.help.removeprefix("only this block: ").split(", ")) == {proof.block for proof in proofs()}
 
 
 class _Claims(Checker[ReadoutConfig]):

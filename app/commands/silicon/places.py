@@ -113,7 +113,9 @@ def tapeout(
     test = f"make -C {out}/test"
     if which("cocotb-config") is None:
         test = f'PATH="{Path(sys.executable).parent}:$PATH" {test}'
-    filled = "" if cells is None else f", {cells.area_um2:,.0f} um2 of cells fill {cells.area_um2 / width / height:.0%}"
+    filled = ", unchecked whether the cells fit: add --lib TYP.lib"
+    if cells is not None:
+        filled = f", {cells.area_um2:,.0f} um2 of cells fill {cells.area_um2 / width / height:.0%}"
     print(
         f"{shuttle}: {readout.rows} x {readout.columns} taxels in {chip.size} ({width:g} x {height:g} um){filled} "
         f"(at most {DENSITY:.0%}), clock {readout.clock_hz / 1e6:g} MHz; test: {test}"
