@@ -1,4 +1,4 @@
-"""Send events over UDP in the unicast format of jAER (docs/reference/udp.md)."""
+"""Send events over UDP in the format of jAER or faery (docs/reference/udp.md)."""
 
 import socket
 import struct
@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 
 PORT = 8991  # jAER's default port for unicast events
-MOST_EVENTS = 183  # largest number of events of a datagram in an Ethernet frame: (1500 - 28 bytes of headers - 4) / 8
+MOST_BYTES = 1500 - 28  # of a datagram in an Ethernet frame
+FAERY = "faery://"  # before a destination, for the format t64_x16_y16_on8 of faery
+FAERY_DTYPE = np.dtype([("t", "<u8"), ("x", "<u2"), ("y", "<u2"), ("on", "u1")])
 LAST_COLUMN = 127  # of the 128 x 128 addresses of a DVS128, whose columns count from the right
 MOST_NUMBER = (1 << 31) - 1
 AddressEvent = tuple[int, int, int, bool]
@@ -29,11 +31,14 @@ def parse_destination(text: str) -> tuple[str, int]:
 class UdpSender:
     """UDP sender of events to ``HOST:PORT``, without acknowledgement; ``clock_hz`` is the clock of the events' times.
 
+    The format is that of jAER, or that of faery for ``faery://HOST:PORT``.
     ``begins_us`` is added to all times, for a recording that follows another.
     """
 
     def __init__(self, destination: str, clock_hz: float) -> None:
-        host, port = parse_destination(destination)
+        host, port = parse_destination(destination.removeprefix(FAERY))
+        self._faery = destination.startswith(FAERY)
+        self._most = (MOST_BYTES - 4) // 8 if not self._faery else MOST_BYTES // FAERY_DTYPE.itemsize
         try:
             family, kind, _, _, found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
             self._socket = socket.socket(family, kind)
@@ -45,11 +50,12 @@ class UdpSender:
 
     def __call__(self, events: Sequence[AddressEvent]) -> None:
         """Send events (clock, column, row, polarity)."""
-        for at in range(0, len(events), MOST_EVENTS):
-            timed = np.array(events[at : at + MOST_EVENTS], np.int64)
+        for at in range(0, len(events), self._most):
+            timed = np.array(events[at : at + self._most], np.int64)
             timed[:, 0] = self.begins_us + np.round(timed[:, 0] * self._us_per_clock)
             try:
-                self._socket.sendto(datagram(self._number, timed), self._to)
+                data = faery_datagram(timed) if self._faery else datagram(self._number, timed)
+                self._socket.sendto(data, self._to)
             except OSError as error:
                 raise InputError(f"cannot send to {self.destination}: {error.strerror}; check --udp") from None
             self._number = self._number + 1 & MOST_NUMBER
@@ -69,6 +75,20 @@ def datagram(number: int, events: NDArray[np.int64]) -> bytes:
     words[:, 0] = events[:, 2] << 8 | LAST_COLUMN - events[:, 1] << 1 | 1 - events[:, 3]
     words[:, 1] = events[:, 0] & 0xFFFFFFFF
     return struct.pack(">I", number) + words.tobytes()
+
+
+def faery_datagram(events: NDArray[np.int64]) -> bytes:
+    """Return events, shape (events, 4), as faery reads them: 13 bytes for each, low byte first.
+
+    Examples
+    --------
+    >>> faery_datagram(np.array([[3125, 3, 2, 1]])).hex(" ", 4)
+    '35 0c000000 00000003 00020001'
+    """
+    found = np.empty(len(events), FAERY_DTYPE)
+    for column, name in enumerate(FAERY_DTYPE.names or ()):
+        found[name] = events[:, column]
+    return found.tobytes()
 
 
 def read_datagram(data: bytes) -> tuple[int, NDArray[np.int64]]:

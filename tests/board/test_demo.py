@@ -8,6 +8,7 @@ import struct
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -118,6 +119,37 @@ def test_times_wrap_and_long_lists_are_cut() -> None:
         sender.close()
     assert max(map(len, found)) <= 1472
     assert [event[0] for data in found for event in read_datagram(data)[1].tolist()] == list(range(400))
+
+
+def test_faery_reads_what_is_sent_to_it() -> None:
+    faery = pytest.importorskip("faery")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    found: list[np.ndarray] = []
+
+    def read() -> None:
+        for part in faery.events_stream_from_udp((64, 64), ("127.0.0.1", port)):
+            found.append(part[part["t"] > 0])
+            if sum(map(len, found)) >= len(sent):
+                return
+
+    sent = [(3 * clock + 1, clock % 64, clock % 50, bool(clock % 3)) for clock in range(400)]
+    thread = threading.Thread(target=read, daemon=True)
+    thread.start()
+    sender = UdpSender(f"faery://127.0.0.1:{port}", 1e6)
+    until = time.monotonic() + 20
+    while not found and time.monotonic() < until:  # faery opens its socket in its own time
+        sender([(0, 0, 0, True)])
+        time.sleep(0.05)
+    sender.begins_us = 1 << 32  # beyond 32 bits
+    sender(sent)
+    sender.close()
+    thread.join(timeout=20)
+    assert [len(part) for part in found if len(part)] == [113, 113, 113, 61]
+    got = np.concatenate(found)
+    wanted = [(at + (1 << 32), column, row, on) for at, column, row, on in sent]
+    assert list(zip(*(got[name].tolist() for name in ("t", "x", "y", "on")), strict=True)) == wanted
 
 
 def test_the_finger_is_recognised_by_its_network(call: Call) -> None:

@@ -26,7 +26,10 @@ BAUD = 2_000_000
 Port = Annotated[str, opt(..., "serial port of the board, such as /dev/ttyUSB0")]
 Baud = Annotated[int, opt(..., "bits per second of the board", min=1)]
 Page = Annotated[int | None, opt(..., "PORT", "also serve a live page at this port of this machine")]
-Udp = Annotated[str | None, opt(..., "HOST:PORT", "also send every event to this address, in jAER's UDP format")]
+Udp = Annotated[
+    str | None,
+    opt(..., "HOST:PORT", "also send every event to this address, in jAER's UDP format; faery://HOST:PORT: in faery's"),
+]
 Patience = Annotated[float, opt(..., "SECONDS", "seconds of silence after which the board counts as lost", min=0.1)]
 Network = Annotated[Path, arg(..., "INTEGER.npz", "integer network, from eskin quantise")]
 WINDOW_S = 3.0  # seconds in the raster of a foreign chip
