@@ -27,7 +27,8 @@ from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
 from eskin.skin.encode import IMAGE_SUFFIXES, preparation_of, read_image
 from eskin.skin.readers.registry import SUFFIXES
-from eskin.skin.recordings.options import FINGER, Scale
+from eskin.skin.recordings.columns import read_one
+from eskin.skin.recordings.options import FINGER, Preparation, Scale
 from eskin.skin.recordings.trained_on import network_of
 from eskin.skin.textures.dataset import EMBEDDED
 from eskin.skin.textures.physical import PhysicalScan, large_enough
@@ -106,7 +107,8 @@ def show_of(
     scale = None
     if recordings:
         found = recordings_of(network, config, recordings)
-        names, load = _recordings(found.sources, found.codes, config)
+        taxels = () if finger or found.shaped else found.columns
+        names, load = _recordings(found.sources, found.codes, config, taxels)
         scale = found.scale
         unseen = network.notes["training"]["tested"]
         names = {name: truth for name, truth in names.items() if name in unseen} or names
@@ -138,21 +140,36 @@ def _events_of(source: Path, only: str | None, readout: Mapping[str, Any], prepa
     from eskin.skin.recordings.folder import read_set
 
     config = ReadoutConfig(**readout)
-    found = read_set(source, preparation_of(source, config, prepared), config, readout, flat=True)
+    found = read_set(source, _preparation(source, config, readout, prepared), config, readout, flat=True)
     if found.config.event_bits > ADDRESS_BITS:
         raise InputError(
             f"{found.config.rows} x {found.config.columns} taxels of {found.config.encoding} need addresses of "
             f"{found.config.event_bits} bits, but a board has {ADDRESS_BITS}; play fewer taxels"
         )
-    names, load = _recordings(found.sources, found.codes, found.config)
+    shaped = {"rows", "columns"} & set(readout) or found.shaped
+    taxels = () if shaped else found.columns
+    names, load = _recordings(found.sources, found.codes, found.config, taxels)
     return Show(found.config, None, _chosen(names, only), load, found.scale)
 
 
-def _recordings(sources: Sequence[Any], codes: Sequence[NDArray[Any]], config: ReadoutConfig) -> Inputs:
+def _preparation(
+    source: Path, config: ReadoutConfig, readout: Mapping[str, Any], prepared: Mapping[str, Any]
+) -> Preparation:
+    """Return the preparation of a file or folder; a file of other values than full scales is scaled like a folder."""
+    if not source.is_dir() and not {"scale", "baseline"} & set(prepared):
+        table, _ = read_one(source, Preparation(**prepared), readout.get("sample_rate_hz"))
+        if table.codes or np.abs(table.values).max(initial=0.0) > 1:
+            return Preparation(**{"baseline": "first"} | dict(prepared))
+    return preparation_of(source, config, prepared, readout)
+
+
+def _recordings(
+    sources: Sequence[Any], codes: Sequence[NDArray[Any]], config: ReadoutConfig, taxels: Sequence[str] = ()
+) -> Inputs:
     """Return names and classes of recordings, and a function that loads one recording."""
     names = {source.name: source.class_name for source in sources}
     own = {source.name: values for source, values in zip(sources, codes, strict=True)}
-    return names, lambda name: (own[name], piece_of(name, own[name], config, names[name]))
+    return names, lambda name: (own[name], piece_of(name, own[name], config, names[name], taxels))
 
 
 def _images(network: IntegerWeights, config: ReadoutConfig, source: Path | None) -> Inputs:
@@ -181,11 +198,14 @@ def _images(network: IntegerWeights, config: ReadoutConfig, source: Path | None)
     return names, load
 
 
-def piece_of(name: str, codes: NDArray[Any], config: ReadoutConfig, truth: str | None = None) -> Piece:
-    """Return signals for the live page from codes of shape (ticks, taxels)."""
+def piece_of(
+    name: str, codes: NDArray[Any], config: ReadoutConfig, truth: str | None = None, taxels: Sequence[str] = ()
+) -> Piece:
+    """Return signals for the live page from codes of shape (ticks, taxels), with the names of taxels, if known."""
     ticks = codes[:: max(-(-len(codes) // POINTS), 1), :: max(-(-codes.shape[1] // LINES), 1)]
     signals = np.round(ticks / config.full_scale, 4)
-    return Piece(name=name, truth=truth, seconds=len(codes) / config.sample_rate_hz, signals=signals.T.tolist())
+    seconds = len(codes) / config.sample_rate_hz
+    return Piece(name=name, truth=truth, seconds=seconds, signals=signals.T.tolist(), taxels=list(taxels))
 
 
 def picture_of(image: NDArray[Any], scan: PhysicalScan, config: ReadoutConfig) -> dict[str, Any]:
@@ -225,6 +245,7 @@ def play(
     """
     view.sender = sender
     for name in itertools.cycle(show.names):
+        view.loading = name
         codes, piece = show.load(name)
         piece = replace(piece, speed=speed or min(1.0, piece.seconds / LEAST_S))
         view.begin(piece, min(piece.seconds, MOST_WINDOW_S))

@@ -36,6 +36,7 @@ class Piece:
     seconds: float = 0.0
     speed: float = 1.0  # seconds of the skin per second of the page
     signals: list[list[float]] | None = None  # of each taxel in full scales, evenly spread over these seconds
+    taxels: list[str] | None = None  # their names, if the array has no other geometry than their order
     picture: dict[str, Any] | None = None  # of the touched surface and the array on it, from ``demo.picture_of``
 
 
@@ -57,6 +58,7 @@ class View:
         self.class_names = list(class_names)
         self.sender: UdpSender | None = None
         self.number = 0
+        self.loading = ""  # name of the input whose first data have not arrived
         self._lock = threading.Lock()
         self._class_s: deque[float] = deque(maxlen=LATENCIES)
         self._host_s: deque[tuple[float, int]] = deque(maxlen=LATENCIES)
@@ -94,6 +96,8 @@ class View:
                 self._host_s.append((waited_s, len(events)))
             for record in records:
                 self._take(record)
+            if self.clock:
+                self.loading = ""
 
     def _take(self, record: Record) -> None:
         if isinstance(record, Class):
@@ -109,6 +113,9 @@ class View:
         elif isinstance(record, Words) and record.tag == Tag.STATUS:
             self.clock = max(self.clock, record.values["time_high"] << 32 | record.values["time_low"])
 
+    def _array(self) -> str:
+        return str(self.config.taxels) if self.piece.taxels else f"{self.config.rows} x {self.config.columns}"
+
     def state(self, number: int = 0, since: int = 0) -> dict[str, Any]:
         """Return the data of the live page as a dictionary for JSON, starting from step ``since`` for a known input."""
         with self._lock:
@@ -118,8 +125,8 @@ class View:
             of_late = sum(counts.total() for step, counts in self._steps if step > recent)
             return {
                 "number": self.number,
-                "readout": f"{self.config.rows} x {self.config.columns} taxels, {self.config.encoder.title} "
-                f"{self.config.resolution} b",
+                "readout": f"{self._array()} taxels, {self.config.encoder.title} {self.config.resolution} b",
+                "loading": self.loading,
                 "rows": self.config.rows,
                 "columns": self.config.columns,
                 "polarity": self.config.has_polarity,

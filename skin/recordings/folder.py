@@ -60,6 +60,7 @@ class RecordingSet:
     notes: tuple[str, ...]  # interpretation of the files
     warnings: tuple[str, ...]  # problems, each with the option that fixes it
     columns: tuple[str, ...] = ()  # names of the taxels, if the files have them
+    shaped: bool = False  # the files give rows and columns of the array
     starts_s: Mapping[str, float] = field(default_factory=dict)  # first time stamp in seconds by source, if any
 
     def recording(self, number: int) -> tuple[Recording, Quality]:
@@ -184,6 +185,7 @@ def read_set(
         notes=(*notes, *pieces.notes, *prepared.notes, *leak),
         warnings=(*left_out, *prepared.warnings, *negative_part_lost(config, codes_of_all)),
         columns=tables[0].names if tables[0].named else (),
+        shaped=tables[0].shape is not None,
         starts_s=pieces.starts_s,
     )
 

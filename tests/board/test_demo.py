@@ -20,7 +20,7 @@ import pytest
 from eskin.base.figures.style import PALETTE
 from eskin.board import session
 from eskin.board.config import BoardConfig
-from eskin.board.demo import foreign_records
+from eskin.board.demo import foreign_records, new_view
 from eskin.board.link import Link
 from eskin.board.serial_frames import Frame, Kind
 from eskin.board.simulated import SimulatedPlayer, SimulatedReceiver
@@ -187,6 +187,8 @@ def test_demo_and_encode_scale_a_file_equally(options: dict[str, str], form: str
     from eskin.board.demo import show_of
 
     show = show_of(Path("touch.csv"), None, None, {"sample_rate_hz": 1000.0}, options)
+    if form == "%d" and not options:  # raw counts are scaled like a folder
+        options = {"baseline": "first", "scale": "max"}
     words = " ".join(f"--{name} {value}" for name, value in options.items())
     code, out, err = call(f"encode touch.csv -o e.npz --sample-rate 1000 --rows 2 --columns 3 {words}")
     assert code == 0, err
@@ -194,6 +196,27 @@ def test_demo_and_encode_scale_a_file_equally(options: dict[str, str], form: str
     config = ReadoutConfig(rows=2, columns=3, sample_rate_hz=1000.0)
     made = encode_samples(Path("touch.csv"), config, {"sample_rate_hz", "rows", "columns"}, options)
     assert np.array_equal(made.codes, show.load("touch")[0])
+
+
+def test_raw_counts_are_scaled_and_named_as_in_a_folder(folder: Path) -> None:
+    from eskin.board.demo import show_of
+
+    counts = 500 + walk(300, 6) // 64  # of 10 bits, on a baseline
+    header = "t1_x,t1_y,t1_z,t2_x,t2_y,t2_z"
+    np.savetxt("raw.csv", counts, "%d", delimiter=",", header=header, comments="")
+    show = show_of(Path("raw.csv"), None, None, {"sample_rate_hz": 1000.0}, {})
+    codes, piece = show.load("raw")
+    assert piece.taxels == header.split(",")
+    assert np.abs(codes).max() > 0.99 * show.config.full_scale
+    assert np.abs(codes[0]).max() <= 1
+    assert len(simulate(show.config, Stimulus.from_samples(show.config, codes))) > 100
+    view = new_view(show)
+    view.loading = "raw"
+    view.begin(piece, 1.0)
+    assert view.state()["readout"].startswith("6 taxels, ")
+    assert view.state()["loading"] == "raw"
+    view([], [(5, 0, 0, True)])
+    assert view.state()["loading"] == ""
 
 
 @pytest.mark.command("demo")  # the page takes seconds
@@ -254,6 +277,8 @@ def test_the_page_of_the_demo_in_a_browser(tmp_path: Path) -> None:
         page = browser.wait_for(ALL_OF_IT, 120)
         assert (named(page["raster"]), page["shown"], page["photo"]) == ({"sky", "orange"}, True, 256)
         assert "green" in named(page["evidence"])
+        browser.size(1280, 800)
+        assert browser.run("return $('evidence').getBoundingClientRect().bottom") <= 800
         for words_of_page in (
             "✓ right",
             "brick/brick-00",
