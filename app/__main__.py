@@ -1,16 +1,26 @@
 """The command ``eskin``: one program for model, RTL, co-simulation, classifier, flow and checks."""
 
+import os
 import sys
 
 from eskin.app.catalogue import overview
 from eskin.app.leave import leave_quietly
+
+UNHEARD = ("MPLBACKEND", "NUMBA_DISABLE_JIT")
+"""Variables of libraries that would break the program: figures are files, and kernels need the compiler."""
 
 
 def main() -> None:
     """Run the command line; the list of commands is printed without importing other packages."""
     if sys.argv[1:] in ([], ["-h"], ["--help"]):
         leave_quietly(lambda: print(overview()))
-    from eskin.app.cli import app, run
+    for name in UNHEARD:
+        os.environ.pop(name, None)
+    leave_quietly(_run)
+
+
+def _run() -> None:
+    from eskin.app.cli import app, run  # here, so that Ctrl-C is quiet from the start
 
     run(app, "eskin")
 

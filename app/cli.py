@@ -189,6 +189,10 @@ def _invoke(app: typer.Typer, prog_name: str, args: list[str]) -> int:
         return _report(f"a number is too large ({error}); give one that a float can hold")
     except MemoryError as error:
         return _report(f"not enough memory: {str(error) or 'the data are too large'}")
+    except RuntimeError as error:  # pathlib of Python below 3.13
+        if not str(error).startswith("Symlink loop from "):
+            raise
+        return _report(f"cannot use {error.args[0].removeprefix('Symlink loop from ')}: it is a link to itself")
     except OSError as error:
         if error.filename is None:  # a broken pipe, or a defect
             raise

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from eskin.base.errors import InputError
+from eskin.base.inputs import check_ends
 from eskin.base.outputs import check_file, in_out, is_stream, new_part
 
 if TYPE_CHECKING:  # the launcher of make runs where NumPy is not installed yet
@@ -183,7 +184,8 @@ MOST_TEXT_BYTES = 2**28  # largest text file; a device may never end
 
 
 def read_bytes(path: Path, what: str, most: int = MOST_TEXT_BYTES) -> bytes:
-    """Return the content of a file; raise InputError if it is longer than ``most`` bytes."""
+    """Return the content of a file; raise InputError if it may never end or is longer than ``most`` bytes."""
+    check_ends(path)
     with path.open("rb") as file:
         content = file.read(most + 1)
     if len(content) > most:
@@ -251,6 +253,7 @@ def read_arrays(path: Path, kind: str, remedy: str) -> dict[str, NDArray[Any]]:
     """
     from numpy.lib.format import read_array
 
+    check_ends(path)
     try:
         with path.open("rb") as file:
             seekable = file if path.is_file() else io.BytesIO(file.read(MOST_UNPACKED))

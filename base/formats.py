@@ -26,7 +26,8 @@ class Format(NamedTuple):
             raise KeyError("format")
         if found != self:
             raise InputError(f"it is {found.noun} instead of {self.noun}; {self.made}")
-        if (version := header.get("format_version")) != self.version:
+        version = header.get("format_version")
+        if type(version) is not int or version != self.version:  # 1.0 and true equal 1
             raise InputError(f"it has format version {version!r}; this program reads version {self.version}")
 
 

@@ -1,6 +1,7 @@
 """Find the readable files in a user's folder."""
 
 import os
+import re
 import stat
 from collections.abc import Collection
 from pathlib import Path
@@ -52,6 +53,14 @@ def check_no_others(folder: Path, paths: Collection[Path]) -> None:
             f"{folder} contains {count} that this command would not overwrite ({named}); choose another --out, or "
             f"remove the folder"
         )
+
+
+def check_ends(path: Path) -> None:
+    """Check that an input ends: a device and a named FIFO may not, the pipes of a shell do."""
+    what = not_a_file(path)
+    piped = re.match(r"/dev/(fd/|stdin$)|/proc/", str(path))
+    if what in ("a FIFO", "a socket", "a device") and not piped:
+        raise InputError(f"{path} is {what}; give a file")
 
 
 def not_a_file(path: Path) -> str:

@@ -156,6 +156,8 @@ def weight_frames(weights: IntegerWeights, word_bytes: int) -> Iterator[bytes]:
 
 def load(link: Link, weights: IntegerWeights) -> None:
     """Write weights into the memories of a board and reset its chip."""
+    if not link.said["word_bytes"]:
+        raise InputError("the board reports word_bytes = 0, so no memory takes its weights; load its bitstream again")
     for payload in weight_frames(weights, link.said["word_bytes"]):
         link.send(Kind.WEIGHTS, payload)
     link.wait()

@@ -11,17 +11,13 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 from eskin.model.address_events import Events, make_events
 from eskin.model.config import MAX_SIDE, ReadoutConfig
-from eskin.model.events.recording import Recording
+from eskin.model.events.recording import MOST_CLOCKS, Recording
 from eskin.skin.foreign.address_map import Addresses, AddressMap
 
 UNITS_S = {"s": Fraction(1), "ms": Fraction(1, 10**3), "us": Fraction(1, 10**6), "ns": Fraction(1, 10**9)}
 """Units of time stamps in seconds."""
 
 CLOCKS = "clocks"  # name of the unit of time stamps that count clocks of the readout
-
-MOST_CLOCKS = 2**51
-"""Clocks up to which a time in seconds (float64) names its clock: t / clock_hz and its product with clock_hz are each
-rounded by at most one part in 2**53, together by less than half a clock."""
 
 LATE_S = 86_400  # time in seconds; a later first event has the time of a wall clock, not of a recording
 

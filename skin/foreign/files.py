@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from eskin.base.errors import InputError
+from eskin.base.inputs import not_a_file
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.foreign import aedat4, cameras, tables
@@ -19,6 +20,8 @@ def is_foreign(path: Path) -> bool:
     """Return True if a file holds events of another program, judged by suffix or archive members."""
     if path.suffix.lower() != ".npz":
         return path.suffix.lower() in SUFFIXES
+    if not_a_file(path):
+        return False
     try:
         with zipfile.ZipFile(path) as archive:
             return not {"events.npy", "metadata.npy"} <= set(archive.namelist())

@@ -120,6 +120,9 @@ def _array_columns(path: Path) -> dict[str, NDArray[Any]]:
     columns = arrays_in(path, content_of(path, "the table"), "an array file; write it again with numpy.save")
     if isinstance(columns, np.ndarray):
         if columns.dtype.names and columns.ndim == 1:
+            for name in columns.dtype.names:
+                if columns[name].ndim > 1:
+                    raise InputError(f"{path}: an event has {name} of shape {columns[name].shape[1:]}, not one number")
             return {name: columns[name] for name in columns.dtype.names}
         if columns.ndim == 2 and columns.dtype.kind in "iuf":
             return {str(n): columns[:, n] for n in range(columns.shape[1])}

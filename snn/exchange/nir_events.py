@@ -14,8 +14,7 @@ from eskin.base.errors import InputError
 from eskin.base.files import atomic_write
 from eskin.model.address_events import EVENT_DTYPE
 from eskin.model.config import ReadoutConfig
-from eskin.model.events.recording import Recording
-from eskin.skin.foreign.events import MOST_CLOCKS
+from eskin.model.events.recording import MOST_CLOCKS, Recording
 from eskin.snn.data.bins import BinConfig, bin_recording
 from eskin.snn.exchange.hdf5 import read_hdf5
 from eskin.snn.exchange.nir_layers import INPUT

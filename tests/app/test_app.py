@@ -350,3 +350,46 @@ def test_the_configuration_of_a_frame_readout_is_taken_where_frames_are(call: An
     assert (
         "frame.json is for a frame readout (word_bits, settle_clocks, conversion_clocks); leave these fields out" in err
     )
+
+
+def eskin(*words: str, shell: str = "", **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run ``eskin`` in a process of its own, with the redirections of a shell."""
+    command = f'"{sys.executable}" -m eskin {shlex.join(words)} {shell}'
+    return subprocess.run(command, shell=True, capture_output=True, text=True, env=os.environ | variables)
+
+
+def test_a_full_or_closed_output_is_no_traceback(folder: Path) -> None:
+    full = eskin("encode", "--help", shell=">/dev/full")
+    assert (full.returncode, full.stderr) == (2, "error: cannot write the output: No space left on device\n")
+    closed = eskin("encode", "--help", shell=">&-")
+    assert (closed.returncode, closed.stderr) == (0, "")
+
+
+def test_a_link_to_itself_is_one_sentence(call: Any, folder: Path) -> None:
+    Path("a.csv").symlink_to("a.csv")
+    Path("a.npz").symlink_to("a.npz")
+    for line in ("encode a.csv -o o.npz", "decode a.npz -o o.csv", "convert a.npz -o o.csv"):
+        code, _, error = call(line)
+        assert code == 2
+        assert re.fullmatch(r"error: cannot use .*a\.\w+.*: .*link.*\n", error), error
+
+
+def test_variables_of_libraries_and_poor_terminals_change_nothing(folder: Path) -> None:
+    place = folder / "\u65e5\u672c.csv"
+    place.write_text("0,0\n100,-100\n" * 20)
+    words = ("encode", str(place), "--sample-rate=100", "--rows=1", "--columns=2", "-o", "e.npz")
+    done = eskin(*words, MPLBACKEND="foo", NUMBA_DISABLE_JIT="1", PYTHONIOENCODING="latin-1")
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    done = eskin(
+        "convert",
+        "e.npz",
+        "-o",
+        f"{folder}/\u65e5.npy",
+        "--plot",
+        "p.png",
+        MPLBACKEND="foo",
+        PYTHONIOENCODING="latin-1",
+    )
+    assert done.returncode == 0, done.stderr
+    assert "\\u65e5" in done.stdout

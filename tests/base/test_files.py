@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.base.files import forget_stale_kernels, keep_line, kept_lines, read_json
+from eskin.base.files import forget_stale_kernels, keep_line, kept_lines, read_arrays, read_bytes, read_json
 
 
 @pytest.mark.parametrize(
@@ -46,7 +46,7 @@ def test_a_line_of_a_log_is_whole_or_left_out(tmp_path, whole):
 
 
 def test_a_device_that_never_ends_is_no_json() -> None:
-    with pytest.raises(InputError, match="the configuration /dev/zero has more than 256 MiB; give a"):
+    with pytest.raises(InputError, match="/dev/zero is a device; give a file"):
         read_json(Path("/dev/zero"), "the configuration")
 
 
@@ -62,3 +62,20 @@ def test_kernels_older_than_a_step_are_compiled_again(tmp_path: Path) -> None:
     os.utime(step, (2000, 2000))
     forget_stale_kernels(loop, [loop, step])
     assert [path.exists() for path in kernels] == [False, False, True]
+
+
+def test_an_input_that_may_never_end_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "z.npz").symlink_to("/dev/zero")
+    os.mkfifo(tmp_path / "f.npz")
+    handle = os.open(tmp_path / "f.npz", os.O_RDWR)  # a writer that writes nothing
+    for name, what in (("z", "a device"), ("f", "a FIFO")):
+        path = tmp_path / f"{name}.npz"
+        for read in (lambda path: read_bytes(path, "it"), lambda path: read_arrays(path, "a file", "again")):
+            with pytest.raises(InputError, match=f"{name}.npz is {what}; give a file$"):
+                read(path)
+    os.close(handle)
+    reader, writer = os.pipe()
+    os.write(writer, b"text")
+    os.close(writer)
+    assert read_bytes(Path(f"/dev/fd/{reader}"), "it") == b"text"
+    os.close(reader)

@@ -12,6 +12,7 @@ import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -40,7 +41,7 @@ from eskin.board.records import (
     hello_values,
 )
 from eskin.board.serial_frames import FLAG, Damaged, Frame, FrameReader, Kind
-from eskin.board.session import Received, foreign_events, listen, observed_clocks
+from eskin.board.session import Received, foreign_events, listen, load, observed_clocks
 from eskin.board.simulated import SimulatedReceiver
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
@@ -279,6 +280,14 @@ def test_a_board_that_floods_and_never_acknowledges_is_left() -> None:
         with pytest.raises(InputError, match=r"sends, but has not acknowledged frame 1 for 0\.3 s; load its bitstream"):
             listen(link, received, 0.2)
     assert received.count
+
+
+def test_a_board_without_memories_of_weights_takes_none() -> None:
+    link = SimpleNamespace(said={"word_bytes": 0})
+    with pytest.raises(
+        InputError, match=r"^the board reports word_bytes = 0, so no memory takes its weights; load its"
+    ):
+        load(link, None)  # type: ignore[arg-type]
 
 
 @pytest.mark.command("play")  # a run takes a simulation

@@ -1,5 +1,6 @@
 """Test event files of other programs: AEDAT 4, tables, arrays, address maps, counter overflow."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -7,9 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from eskin.base.errors import InputError
 from eskin.model.address_events import make_events
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
+from eskin.skin.foreign import aedat4
 from eskin.skin.foreign.aedat4 import read_aedat4, write_aedat4
 from eskin.skin.foreign.events import ForeignEvents, take, unwrapped
 from tests.conftest import Call
@@ -272,3 +275,44 @@ def test_files_of_cameras_are_read(suffix: str, version: str | None, folder: Pat
     assert np.array_equal(np.sort(made.events, order=["t", "x", "y"]), wanted)
     Path(f"cut.{suffix}").write_bytes(b"% evt 9.0\n")
     assert f"cut.{suffix} is damaged or not a .{suffix} file of events" in call(f"convert cut.{suffix} -o f.npz")[2]
+
+
+def test_cut_and_damaged_aedat4_is_one_sentence(folder: Path) -> None:
+    pytest.importorskip("dv_processing", reason="the group exchange is not installed")
+    write_aedat4(Path("e.aedat4"), recording())
+    whole = Path("e.aedat4").read_bytes()
+    for length in (14, 17, 30, 500, 1000, len(whole) // 2, len(whole) - 1000):
+        Path("cut.aedat4").write_bytes(whole[:length])
+        with pytest.raises(InputError, match=r"^cut.aedat4 is (cut off|damaged)"):
+            read_aedat4(Path("cut.aedat4"))
+    place = 14 + 4 + int.from_bytes(whole[14:18], "little")
+    for at in (18, 26, place + 4, place + 30):
+        Path("bad.aedat4").write_bytes(whole[:at] + b"\xff" * 16 + whole[at + 16 :])
+        with pytest.raises(InputError, match=r"^bad.aedat4 is "):
+            read_aedat4(Path("bad.aedat4"))
+
+
+def test_aedat4_that_hangs_its_library_ends(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("dv_processing", reason="the group exchange is not installed")
+    write_aedat4(Path("e.aedat4"), recording())
+    monkeypatch.setattr(aedat4, "START_S", 0.001)
+    with pytest.raises(InputError, match=r"^e.aedat4 is damaged: its events cannot be read in 0 s"):
+        read_aedat4(Path("e.aedat4"))
+
+
+def test_a_field_with_a_shape_is_refused(folder: Path, call: Call) -> None:
+    np.save("e.npy", np.zeros(3, [("t", "<i8", 2), ("x", "<i8"), ("y", "<i8"), ("p", "?")]))
+    assert call("convert e.npy -o e.npz")[::2] == (
+        2,
+        "error: e.npy: an event has t of shape (2,), not one number\n",
+    )
+
+
+def test_a_header_with_a_wrong_version_or_absurd_clocks_is_refused(folder: Path) -> None:
+    good = recording()
+    header = good._header()
+    for wrong in ({"format_version": 1.0}, {"format_version": True}, {"duration_clocks": 10**18}):
+        text = np.array(json.dumps(header | wrong))
+        np.savez("e.npz", events=good.events, metadata=text)
+        with pytest.raises(InputError, match=r"has format version (1.0|True)|duration_clocks 10{18} are more than"):
+            Recording.load("e.npz")
