@@ -26,7 +26,7 @@ WRONG: list[tuple[Callable[..., object], dict[str, Any], str]] = [
     (SensorConfig, {"part": "mcp3008", "settle_s": 1}, "settle_s must be in 0..0.01, not 1.0"),
     (Preparation, {"strict": 1}, "--strict must be of type bool, not 1"),
     (Preparation, {"decimal": "dot"}, "--decimal must be one of auto, point, comma, not 'dot'"),
-    (Preparation, {"skip_lines": -1}, "--skip-lines must be at least 0, not -1"),
+    (Preparation, {"skip_lines": -1}, "--skip-lines must be in 0..1000000, not -1"),
     (NetworkConfig, NETWORK | {"hidden": "9"}, "hidden must be of type int, not '9'"),
     (NetworkConfig, NETWORK | {"readout": "rate"}, "readout must be one of spikes, membrane, not 'rate'"),
     (TrainConfig, {"epochs": 0}, "epochs must be at least 1, not 0"),
