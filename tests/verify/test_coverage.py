@@ -158,6 +158,4 @@ def test_small_runs_reach_all_that_is_not_explained(run: Run, tmp_path: Path) ->
 
 
 def test_a_name_of_no_run_is_one_sentence(refuses: Any) -> None:
-    refuses(
-        "no run begins with 'frmaes'; the name of the first run is 'lcs digital stream'", "dev coverage --only frmaes"
-    )
+    refuses("no run begins with 'frmaes'; the name of the first run is 'plain'", "dev coverage --only frmaes")

@@ -76,9 +76,14 @@ def _hosts() -> Iterator[Run]:
     base = SMALL.replace(registers="spi")
     for config in pairs(base, **axes("encoding", "frontend", "reset"), fields=("own", SETTABLE)):
         yield Run(f"registers {' '.join(values_of(config).values())}", config, stimuli.host)
-    for name, steps in (("registers", registers.steps), ("pattern", pattern.steps), ("spi", spi.steps)):
-        for config in cases(base, **axes("encoding")) if name != "spi" else [base]:
-            yield Run(f"{name} alone {config.encoding}", config, stimuli.alone(f"eskin_{name}", steps, 11, 12, 13))
+    for name, steps, configs in (
+        ("registers", registers.steps, cases(base, **axes("encoding"), fields=("own", SETTABLE))),
+        ("pattern", pattern.steps, cases(base, **axes("encoding"))),
+        ("spi", spi.steps, [base]),
+    ):
+        for config in configs:
+            own = f"{name} alone {config.encoding} {config.fields}"
+            yield Run(own, config, stimuli.alone(f"eskin_{name}", steps, 11, 12, 13))
 
 
 def _skins() -> Iterator[Run]:

@@ -47,23 +47,27 @@ def readout(config: ReadoutConfig, folder: Path) -> None:
         | {"gap": GAPS[number % len(GAPS)], "masks": MASKS[number % len(MASKS)]}
         for number in range(len(SIGNALS) * len(SINKS))
     ]
-    # A link with a handshake takes longer to reach both ends.
-    clocks = 12_000 if config.protocol.asynchronous else 4000
+    # A link with a handshake takes longer to reach both ends, and so does an array of more than nine taxels.
+    longer = -(-config.taxels // 9)
+    clocks = (12_000 if config.protocol.asynchronous else 4000) * longer
     # Runs so short that nothing happens before the next reset, with a constant signal.
     rest = {"signal": "hold", "sink": "always", "gap": 300, "masks": 0}
-    parts = [*((one, 300) for one in short), *((one, clocks) for one in LONG), *((rest, few) for few in (2, 3, 4))]
+    parts = [*((one, 300) for one in short), *((one | {"gap": longer * one["gap"]}, clocks) for one in LONG)]
+    parts += [(rest, few) for few in (2, 3, 4)]
     play([RandomRun(config, seed, clocks, **own) for seed, (own, clocks) in enumerate(parts)], VERILATOR)
     if config.frontend == "analog":  # comparators with offset, noise and hysteresis, of which both may fire
         play_comparators(config, VERILATOR, folder)
 
 
 def _words(register: Register) -> Iterator[int]:
-    """Yield test words for a register: limits of every field, out-of-range values, all ones, the reset value."""
+    """Yield test words for a register: limits of its fields and beyond, alternating bits, all ones, the reset value."""
     resting = {field.name: field.reset for field in register.fields}
     for field in register.fields:
         top = (1 << field.width) - 1
         middle = (field.least + field.most) // 2
-        for value in (field.least, field.most, max(field.least - 1, 0), middle, min(field.most + 1, top)):
+        every_other = top // 3  # bits 0, 2, 4, ...
+        ends = field.least, field.most, max(field.least - 1, 0), min(field.most + 1, top)
+        for value in (*ends, middle, every_other, 2 * every_other):
             yield sum((resting | {field.name: value})[f.name] << f.low for f in register.fields)
     yield (1 << 32) - 1
     yield register.reset
