@@ -262,7 +262,7 @@ def option_name(field: str, cls: Any = ReadoutConfig) -> str:
 def check_encoder(config: ReadoutConfig, typed: Iterable[str]) -> None:
     """Check that no options of another encoder are given."""
     if idle := [name for name in config.idle_fields if name in typed]:
-        readers = [encoder.name for encoder in registry.ENCODERS if idle[0] in encoder.fields]
+        readers = [encoder.name for encoder in registry.ENCODERS if idle[0] in encoder.parameters]
         raise InputError(
             f"{option_name(idle[0])} has no effect with --encoding {config.encoding}; leave it out, or add --encoding "
             f"{readers[0]}"

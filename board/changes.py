@@ -20,7 +20,7 @@ def unread_bits(readout: ReadoutConfig) -> int:
 
     An encoder compares samples in units of its grid. A sum of several samples needs all bits.
     """
-    return (readout.grid - 1).bit_length() if readout.fields == "own" else 0
+    return (readout.grid - 1).bit_length() if readout.receptive_fields == "own" else 0
 
 
 class Part(NamedTuple):

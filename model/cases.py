@@ -24,12 +24,12 @@ if TYPE_CHECKING:  # for tests only, so imported by the function that needs it
     from hypothesis import strategies as st
 
 LISTED = "listed"
-"""Value of ``fields``: a list with a receptive field for every taxel."""
+"""Value of ``receptive_fields``: a list with a receptive field for every taxel."""
 
 _HINTS = {name: get_args(hint) for name, hint in get_type_hints(ReadoutConfig).items()}
 CHOICES: dict[str, tuple[str, ...]] = {
     **{name: values for name, values in _HINTS.items() if values and isinstance(values[0], str)},
-    "fields": (*KINDS, SETTABLE, LISTED),
+    "receptive_fields": (*KINDS, SETTABLE, LISTED),
 }
 """Fields of ``ReadoutConfig`` with few values, and all of these values."""
 
@@ -131,7 +131,9 @@ def _legal(
     for place in itertools.product(*(range(len(values)) for values in listed)):
         chosen = fields | {k: v for values, n in zip(listed, place, strict=True) for k, v in values[n].items()}
         try:  # lists take long to check, and are as legal as other fields
-            ReadoutConfig.from_dict(chosen | {"fields": "both"} if chosen.get("fields") == LISTED else chosen)
+            ReadoutConfig.from_dict(
+                chosen | {"receptive_fields": "both"} if chosen.get("receptive_fields") == LISTED else chosen
+            )
         except InputError as error:
             refused = error
             continue
@@ -143,9 +145,9 @@ def _legal(
 
 def _config(fields: dict[str, Any]) -> ReadoutConfig:
     """Return the configuration of fields, with a list in place of ``LISTED``."""
-    if fields.get("fields") == LISTED:
-        taxels = ReadoutConfig.from_dict(fields | {"fields": "both"}).taxels
-        fields = fields | {"fields": _some_fields(taxels)}
+    if fields.get("receptive_fields") == LISTED:
+        taxels = ReadoutConfig.from_dict(fields | {"receptive_fields": "both"}).taxels
+        fields = fields | {"receptive_fields": _some_fields(taxels)}
     return ReadoutConfig.from_dict(fields)
 
 
@@ -164,7 +166,8 @@ def configurations(most_taxels: int = 64, **axes: Iterable[Any]) -> st.SearchStr
     from hypothesis import strategies as st
 
     listed: dict[str, list[Any]] = {name: list(values) for name, values in {**CHOICES, **NUMBERS, **axes}.items()}
-    listed["fields"] = listed.pop("fields")  # last, because lists with a field for every taxel take long to check
+    # Last, because lists with a field for every taxel take long to check.
+    listed["receptive_fields"] = listed.pop("receptive_fields")
 
     def is_legal(before: dict[str, Any], name: str, value: Any) -> bool:
         """Return True if a value makes a legal configuration with some of the choices that are not drawn yet."""
@@ -181,8 +184,8 @@ def configurations(most_taxels: int = 64, **axes: Iterable[Any]) -> st.SearchStr
         chosen: dict[str, Any] = {}
         for name, values in listed.items():
             chosen[name] = draw(st.sampled_from(values).filter(partial(is_legal, chosen, name)))
-        if chosen["fields"] == LISTED:
-            chosen["fields"] = draw(_any_fields(chosen["rows"] * chosen["columns"]))
+        if chosen["receptive_fields"] == LISTED:
+            chosen["receptive_fields"] = draw(_any_fields(chosen["rows"] * chosen["columns"]))
         config = ReadoutConfig.from_dict(chosen)
         if "reference_reset" not in axes:
             levels = st.integers(config.encoder.lowest(config) // config.grid, config.full_scale // config.grid - 1)
@@ -206,7 +209,7 @@ def _any_fields(taxels: int) -> st.SearchStrategy[list[dict[str, Any]]]:
 def values_of(config: ReadoutConfig) -> dict[str, str]:
     """Return the value of a configuration on every axis; arrays have the number of their rows, at most ">8"."""
     values = {name: getattr(config, name) for name in CHOICES}
-    values["fields"] = values["fields"] if isinstance(values["fields"], str) else LISTED
+    values["receptive_fields"] = values["receptive_fields"] if isinstance(values["receptive_fields"], str) else LISTED
     return values | {"rows": ">8" if config.rows > 8 else str(config.rows)}
 
 

@@ -89,7 +89,7 @@ class ReadoutConfig(Configuration):
         Clocks per sample tick; the clock is ``sample_rate_hz * clocks_per_sample``.
     registers : "none" or "spi"
         Whether resolution, leak, window, mask and more can be set at run time, up to the built values.
-    fields : "own", "neighbours", "both", "settable", or a list
+    receptive_fields : "own", "neighbours", "both", "settable", or a list
         Receptive fields: samples that the encoder of a taxel sees (``model.encoders.fields``); settable with registers.
 
     Examples
@@ -133,7 +133,7 @@ class ReadoutConfig(Configuration):
     sample_rate_hz: float = parameter(20_000.0, "Hz", f"{SPECIFICATION} 6", "sample ticks per second")
     clocks_per_sample: int = parameter(64, "", f"{SPECIFICATION} 4", "clocks per sample tick")
     registers: Registers = parameter("none", "", f"{SPECIFICATION} 4", "settings at run time: none, or over SPI")
-    fields: Fields = parameter(
+    receptive_fields: Fields = parameter(
         "own",
         "",
         f"{SPECIFICATION} 2",
@@ -142,9 +142,9 @@ class ReadoutConfig(Configuration):
     )
 
     def __post_init__(self) -> None:
-        self._check_types(but=("fields",))
+        self._check_types(but=("receptive_fields",))
         self._check_array()
-        object.__setattr__(self, "fields", parse(self.fields, self.taxels))
+        object.__setattr__(self, "receptive_fields", parse(self.receptive_fields, self.taxels))
         self._check_range("sample_bits", 3, 24)
         self._check_range("resolution", 1, self.sample_bits - 2, "sample_bits - 2")
         self._check_range("closing_shift", 0, 16)
@@ -170,8 +170,10 @@ class ReadoutConfig(Configuration):
                 f"not {self.reference_reset}"
             )
 
-        if self.fields == SETTABLE and self.registers == "none":
-            raise InputError("fields settable need registers in which a host chooses them; set registers to spi")
+        if self.receptive_fields == SETTABLE and self.registers == "none":
+            raise InputError(
+                "receptive_fields settable need registers in which a host chooses them; set registers to spi"
+            )
         self.protocol.check(self)
 
     def _check_array(self) -> None:
@@ -193,7 +195,7 @@ class ReadoutConfig(Configuration):
     @property
     def idle_fields(self) -> tuple[str, ...]:
         """Names of the fields that the configured encoder ignores."""
-        return tuple(n for one in registry.ENCODERS for n in one.fields if n not in self.encoder.fields)
+        return tuple(n for one in registry.ENCODERS for n in one.parameters if n not in self.encoder.parameters)
 
     @property
     def taxels(self) -> int:
@@ -332,11 +334,18 @@ class ReadoutConfig(Configuration):
         fields = super().to_dict()
         if self.registers == "none":
             del fields["registers"]
-        if self.fields == "own":
-            del fields["fields"]
-        elif not isinstance(self.fields, str):
-            fields["fields"] = [one.to_dict() for one in self.fields]
+        if self.receptive_fields == "own":
+            del fields["receptive_fields"]
+        elif not isinstance(self.receptive_fields, str):
+            fields["receptive_fields"] = [one.to_dict() for one in self.receptive_fields]
         return fields
+
+    @classmethod
+    def from_dict(cls, fields: Any) -> Self:
+        """Return the configuration for a dictionary; raise an error for unknown fields."""
+        if isinstance(fields, dict) and "fields" in fields:  # name of ``receptive_fields`` in older files
+            fields = {"receptive_fields" if name == "fields" else name: value for name, value in fields.items()}
+        return super().from_dict(fields)
 
     @classmethod
     def from_json(cls, text: str) -> Self:

@@ -48,8 +48,8 @@ class FrameConfig(Configuration):
 
     def __post_init__(self) -> None:
         self._check_types()
-        if self.readout.fields != "own":
-            raise InputError("receptive fields belong to the spiking readout; leave fields out")
+        if self.readout.receptive_fields != "own":
+            raise InputError("receptive fields belong to the spiking readout; leave receptive_fields out")
         if self.readout.registers != "none":
             raise InputError(f"registers belong to the spiking readout; leave registers={self.readout.registers} out")
         self._check_range("word_bits", self.resolution, MAX_WORD_BITS, low_name="resolution")

@@ -72,10 +72,10 @@ def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins
         clear = signals["control_clear"] == 1
         found = Settings.of(config, signals)
         test = Pattern(**{name: signals[f"test_{name}"] for name in Pattern._fields if f"test_{name}" in signals})
-        choice = np.array([found.fields >> 2 * taxel & 3 for taxel in range(config.taxels)], np.uint8)
+        choice = np.array([found.receptive_fields >> 2 * taxel & 3 for taxel in range(config.taxels)], np.uint8)
         now = choice if config.frontend == "digital" else selected
         selected = choice
-        if config.fields == SETTABLE:
+        if config.receptive_fields == SETTABLE:
             keep(choices, now)
         shown = found.mask if test.mode == OFF and not clear else 0
         enabled = np.logical_and(mask, np.array([shown >> bit & 1 for bit in range(config.taxels)]))

@@ -66,8 +66,8 @@ class Stimulus:
     choice_clock: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     choice: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 0), np.uint8))
     """Fields that a host chooses, by their numbers in ``fields.CHOICES``, shape (changes, taxels), and the clocks from
-    which they are valid; the first at clock 0 (``fields="settable"``). By default all are ``own``. A mask silences
-    taxels that are off."""
+    which they are valid; the first at clock 0 (``receptive_fields="settable"``). By default all are ``own``. A mask
+    silences taxels that are off."""
 
     @classmethod
     def from_samples(
@@ -115,8 +115,8 @@ class Stimulus:
                 raise InputError(f"decisions must have shape ({self.clocks}, {config.taxels}), a row for every clock")
         settings.check(config, self.settings)
         if len(self.choice_clock):
-            if config.fields != fields.SETTABLE:
-                raise InputError(f"a choice needs fields {fields.SETTABLE}, not {config.fields}")
+            if config.receptive_fields != fields.SETTABLE:
+                raise InputError(f"a choice needs receptive_fields {fields.SETTABLE}, not {config.receptive_fields}")
             if self.choice.shape != (len(self.choice_clock), config.taxels) or self.choice.max() >= len(fields.CHOICES):
                 raise InputError(f"choice must have shape ({len(self.choice_clock)}, {config.taxels}), values 0..3")
             if self.choice_clock[0] != 0 or (np.diff(self.choice_clock) < 1).any():

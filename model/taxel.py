@@ -232,7 +232,7 @@ def _check_samples(config: ReadoutConfig, samples: Samples) -> NDArray[Any]:
         )
     for needs_all, reason in (
         (config.encoder.leaks, "every row leaks at its own phase"),
-        (config.fields != "own", "receptive fields add samples of the array"),
+        (config.receptive_fields != "own", "receptive fields add samples of the array"),
     ):
         if needs_all and samples.shape[1] != config.taxels:
             raise InputError(
@@ -241,7 +241,7 @@ def _check_samples(config: ReadoutConfig, samples: Samples) -> NDArray[Any]:
             )
     wanted = np.dtype(np.int16 if config.sample_bits <= 16 else np.int32)
     checked = np.ascontiguousarray(samples, dtype=wanted)
-    if not np.can_cast(samples.dtype, wanted) or config.fields != "own":
+    if not np.can_cast(samples.dtype, wanted) or config.receptive_fields != "own":
         _refuse_range(config, samples)
     return signals(config, checked)
 
@@ -257,7 +257,7 @@ def _refuse_range(config: ReadoutConfig, samples: NDArray[Any]) -> None:
 
 def _silenced(config: ReadoutConfig, found: NDArray[Any]) -> NDArray[Any]:
     """Return counts or flags with 0 for every taxel whose receptive field is off."""
-    if not isinstance(config.fields, str):
+    if not isinstance(config.receptive_fields, str):
         found[..., is_off(config)] = 0
     return found
 

@@ -40,7 +40,7 @@ class Readout(Block[ReadoutConfig]):
         D in codes, a register, for the comparators (analog front end with registers and without half_width).
     field_select : Out(3 * rows * columns)
         {both, neighbours, own} of every taxel, for the multiplexer of its sensor: registers, one-hot, or 0 if the
-        taxel is off (``fields="settable"`` with the analog front end).
+        taxel is off (``receptive_fields="settable"`` with the analog front end).
     """
 
     module_name = "eskin_readout"
@@ -70,11 +70,11 @@ class Readout(Block[ReadoutConfig]):
         if is_off(config).any():
             enable = Cat(0 if off else enable[taxel] for taxel, off in enumerate(is_off(config)))
         outer = {name: getattr(self, name) for name in self.per_row[1:]} | {"enable": enable}
-        if config.fields != "own" and config.frontend == "digital":
+        if config.receptive_fields != "own" and config.frontend == "digital":
             fields = Fields(config)
             fields.place(m, "fields", platform)
             m.d.comb += fields.sample.eq(self.sample)
-            if host is not None and config.fields == SETTABLE:
+            if host is not None and config.receptive_fields == SETTABLE:
                 m.d.comb += fields.choice.eq(host.choice)
             outer["sample"] = fields.signal
 

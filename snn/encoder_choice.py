@@ -27,7 +27,7 @@ MOST_JUDGED = 150
 INNER_FOLDS = 3
 
 SIZE = {"rows", "columns", "sample_bits", "sample_rate_hz", "clocks_per_sample"}
-FREE = {"resolution", "scale", "link", "frontend", "reset", "fields", *SIZE}
+FREE = {"resolution", "scale", "link", "frontend", "reset", "receptive_fields", *SIZE}
 """Fields that a user can set during the choice of an encoder; the other fields follow from the encoder."""
 
 

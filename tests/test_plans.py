@@ -23,7 +23,10 @@ LATER: Reasons = {("clock gates", "yes"): "the plan of clock gates proves that t
 BY_NATURE: Reasons = {("clock gates", "no"): "the plan is about designs with clock gates"}
 OUTSIDE: Reasons = {
     **{("link", link): "a taxel has no link" for link in ("four_phase", "four_phase_dual")},
-    **{("fields", name): "a taxel gets its signal from them" for name in ("neighbours", "both", "settable", "listed")},
+    **{
+        ("receptive_fields", name): "a taxel gets its signal from them"
+        for name in ("neighbours", "both", "settable", "listed")
+    },
     **{("rows", rows): "a taxel stands alone" for rows in ("2", "5", ">8")},
 }
 

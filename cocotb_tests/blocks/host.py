@@ -36,7 +36,7 @@ class Comparators:
     def look(self, samples: list[int]) -> None:
         """Drive the comparator outputs."""
         config, bits = self.config, self.config.sample_bits
-        if config.fields == SETTABLE:
+        if config.receptive_fields == SETTABLE:
             samples = self._selected(samples)
         codes = signed_words(self.block.read("reference_code"), config.taxels, bits)
         widths = [self.block.read("step_code")] * config.taxels

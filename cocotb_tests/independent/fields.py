@@ -9,16 +9,16 @@ from eskin.cocotb_tests.independent.settings import Settings
 def field_of(settings: Settings, row: int, column: int) -> tuple[list[tuple[int, int]], int]:
     """Return the taxels (row, column) of a field with repetition, and the divisor of their sum."""
     here = (row, column)
-    if settings.fields in ("own", "settable"):  # which is the own one after a reset
+    if settings.receptive_fields in ("own", "settable"):  # which is the own one after a reset
         return [here], 1
-    if isinstance(settings.fields, str):
+    if isinstance(settings.receptive_fields, str):
         four = []
         for down, right in ((-1, 0), (1, 0), (0, -1), (0, 1)):
             there = (row + down, column + right)
             inside = 0 <= there[0] < settings.rows and 0 <= there[1] < settings.columns
             four.append(there if inside else here)
-        return {"neighbours": (four, 4), "both": (four + 4 * [here], 8)}[settings.fields]
-    listed = settings.fields[row * settings.columns + column]
+        return {"neighbours": (four, 4), "both": (four + 4 * [here], 8)}[settings.receptive_fields]
+    listed = settings.receptive_fields[row * settings.columns + column]
     return [divmod(taxel, settings.columns) for taxel in listed["taxels"]], 2 ** listed["shift"]
 
 

@@ -25,7 +25,7 @@ class Settings:
     fraction_bits: int = 8
     link: str = "stream"
     frontend: str = "digital"
-    fields: Any = "own"
+    receptive_fields: Any = "own"
 
     @classmethod
     def of(cls, fields: Mapping[str, Any]) -> Settings:

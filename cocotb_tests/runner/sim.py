@@ -164,7 +164,7 @@ def with_dut(plan: Plan, config: ReadoutConfig, files: Sequence[Path], top: str)
 
 def configuration_hint(config: ReadoutConfig) -> str:
     """Return the configuration to which a user's readout is compared, as options."""
-    names = config.to_dict().keys() - {*config.idle_fields, *NO_LOGIC, "fields"}
+    names = config.to_dict().keys() - {*config.idle_fields, *NO_LOGIC, "receptive_fields"}
     chosen = (field for field in dataclasses.fields(config) if field.name in names)
     held = " ".join(f"{option_of(field)} {getattr(config, field.name)}" for field in chosen)
     return f"the model has {held}; if your Verilog has another configuration, give its options or --config FILE.json"

@@ -16,7 +16,7 @@ def sheet_of(config: ReadoutConfig, report: dict[str, Any] | None) -> Sheet:
     event = Picture("event", "From a sample to its events", waves(config))
     reset = Picture("reset", "A reset while an event is on its way", reset_waves(config))
     names = [port["name"] for port in ports(config)]
-    own = config.fields in ("own", SETTABLE)
+    own = config.receptive_fields in ("own", SETTABLE)
     values = {
         "latencies": latencies(config),
         "requests": [*config.protocol.requests],

@@ -40,7 +40,7 @@ def from_zero(config: ReadoutConfig) -> ReadoutConfig:
     There is room for a step up, and a sample crosses the level of its own taxel. The adders of fields have no register,
     so the times are the same.
     """
-    return config.replace(reference_reset=0, fields="own")
+    return config.replace(reference_reset=0, receptive_fields="own")
 
 
 def played(config: ReadoutConfig) -> Stimulus:

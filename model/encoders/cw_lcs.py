@@ -22,7 +22,7 @@ class CwLcs(Encoder):
     """Level-crossing sampling with a closing window."""
 
     name, title, colour, marker, code = "cw-lcs", "CW-LCS", "#cc79a7", "D", 1
-    fields = ("closing_shift", "window_period")
+    parameters = ("closing_shift", "window_period")
     windowed = timed = True
     Rule = CwLcsRule
     state = window.STATE

@@ -41,7 +41,7 @@ class Encoder(ABC):
     colour: ClassVar[str]  # of its line in figures, for Matplotlib
     marker: ClassVar[str]
     code: ClassVar[int]  # number in the register ``shape.encoding``, 0..7; never given to another encoder
-    fields: ClassVar[tuple[str, ...]] = ()  # fields of ``ReadoutConfig`` that this encoder reads, and others do not
+    parameters: ClassVar[tuple[str, ...]] = ()  # fields of ``ReadoutConfig`` that this encoder reads, and others do not
     polarity: ClassVar[bool] = True
     """Events are ON or OFF. Without polarity all events are ON, the reference never goes below zero, and a sample below
     zero counts as zero."""

@@ -60,15 +60,17 @@ def parse(given: Any, taxels: int) -> Fields:
         try:
             given = json.loads(given)
         except (ValueError, RecursionError) as error:
-            raise InputError(f"fields are not JSON: {error}") from None
+            raise InputError(f"receptive_fields are not JSON: {error}") from None
     if isinstance(given, str) or not isinstance(given, Sequence):
         names = ", ".join((*KINDS, SETTABLE))
-        raise InputError(f"fields must be {names}, or a list with taxels and shift of every taxel, not {given!r}")
+        raise InputError(
+            f"receptive_fields must be {names}, or a list with taxels and shift of every taxel, not {given!r}"
+        )
     if len(given) != taxels:
-        raise InputError(f"fields must list a field for each of the {taxels} taxels, not {len(given)}")
+        raise InputError(f"receptive_fields must list a field for each of the {taxels} taxels, not {len(given)}")
     found = tuple(_parse_one(number, one, taxels) for number, one in enumerate(given))
     if not any(field.taxels for field in found):
-        raise InputError("fields must leave a taxel on, but no field has a taxel")
+        raise InputError("receptive_fields must leave a taxel on, but no field has a taxel")
     return "own" if found == tuple(kind("own", 1, taxels, taxel) for taxel in range(taxels)) else found
 
 
@@ -76,20 +78,20 @@ def _parse_one(number: int, given: Any, taxels: int) -> Field:
     if isinstance(given, Mapping) and "taxels" in given and set(given) <= {"taxels", "shift"}:
         given = (given["taxels"], given.get("shift", 0))
     if not isinstance(given, Sequence) or isinstance(given, str) or len(given) != 2:
-        raise InputError(f'fields[{number}] must be like {{"taxels": [0, 1], "shift": 1}}, not {given!r}')
+        raise InputError(f'receptive_fields[{number}] must be like {{"taxels": [0, 1], "shift": 1}}, not {given!r}')
     listed, shift = given
     if not isinstance(listed, Sequence) or not all(type(taxel) is int for taxel in listed):
-        raise InputError(f"the taxels of fields[{number}] must be a list of whole numbers, not {listed!r}")
+        raise InputError(f"the taxels of receptive_fields[{number}] must be a list of whole numbers, not {listed!r}")
     if len(listed) > MOST_TAXELS:
-        raise InputError(f"fields[{number}] must have at most {MOST_TAXELS} taxels, not {len(listed)}")
+        raise InputError(f"receptive_fields[{number}] must have at most {MOST_TAXELS} taxels, not {len(listed)}")
     for taxel in listed:
         if not 0 <= taxel < taxels:
-            raise InputError(f"the taxels of fields[{number}] must be in 0..{taxels - 1}, not {taxel}")
+            raise InputError(f"the taxels of receptive_fields[{number}] must be in 0..{taxels - 1}, not {taxel}")
     most = most_shift(len(listed))
     if type(shift) is not int or not 0 <= shift <= most:
         raise InputError(
-            f"the shift of fields[{number}] must be in 0..{most} for {len(listed)} taxels, not {shift!r}; a larger one "
-            f"only loses bits"
+            f"the shift of receptive_fields[{number}] must be in 0..{most} for {len(listed)} taxels, not {shift!r}; "
+            "a larger one only loses bits"
         )
     return Field(tuple(sorted(listed)), shift)
 
@@ -117,17 +119,17 @@ def kind(name: str, rows: int, columns: int, taxel: int) -> Field:
 
 def fields_of(config: ReadoutConfig) -> tuple[Field, ...]:
     """Return the field of every taxel after reset."""
-    if isinstance(config.fields, str):
-        name = "own" if config.fields == SETTABLE else config.fields
+    if isinstance(config.receptive_fields, str):
+        name = "own" if config.receptive_fields == SETTABLE else config.receptive_fields
         return tuple(kind(name, config.rows, config.columns, taxel) for taxel in range(config.taxels))
-    return config.fields
+    return config.receptive_fields
 
 
 def is_off(config: ReadoutConfig) -> NDArray[np.bool_]:
     """Return for every taxel whether the taxel is off, shape (taxels,)."""
-    if isinstance(config.fields, str):
+    if isinstance(config.receptive_fields, str):
         return np.zeros(config.taxels, np.bool_)
-    return np.array([not field.taxels for field in config.fields])
+    return np.array([not field.taxels for field in config.receptive_fields])
 
 
 def unused(config: ReadoutConfig) -> set[int]:
@@ -139,16 +141,16 @@ def signals(config: ReadoutConfig, samples: NDArray[Any], scale: int | None = No
     """Return the inputs of the encoders: the sum of each field, shifted right, rounded and saturated.
 
     The result has the shape (ticks, taxels) and the type of ``samples``. Signals saturate at ``scale`` codes, by
-    default full scale. For ``fields="own"`` the samples themselves are returned.
+    default full scale. For ``receptive_fields="own"`` the samples themselves are returned.
     """
-    if config.fields in ("own", SETTABLE):
+    if config.receptive_fields in ("own", SETTABLE):
         return samples
     return _weighted(fields_of(config), samples, config.full_scale if scale is None else scale)
 
 
 def chosen(config: ReadoutConfig, samples: NDArray[Any], choice: NDArray[np.integer]) -> NDArray[Any]:
     """Return the inputs of the encoders for fields chosen by a host; all arrays have the shape (ticks, taxels)."""
-    found = [seen(config.replace(fields=name), samples) for name in KINDS]
+    found = [seen(config.replace(receptive_fields=name), samples) for name in KINDS]
     return np.choose(choice, [*found, np.zeros_like(samples)])
 
 

@@ -68,7 +68,7 @@ class Nlcs(Encoder):
     """Leaky-neuron level crossing."""
 
     name, title, colour, marker, code = "nlcs", "N-LCS", "#d55e00", "^", 2
-    fields = ("leak_shift", "leak_period", "fraction_bits")
+    parameters = ("leak_shift", "leak_period", "fraction_bits")
     polarity, leaks, strict = False, True, True
     Rule: ClassVar[Any] = NlcsRule
 

@@ -104,7 +104,7 @@ def parameters(config: ReadoutConfig) -> dict[str, Any]:
         "CLOSES": config.closes,
         "WINDOW_PERIOD": config.window_period,
         "POLARITY": config.has_polarity,
-        "SETTABLE": config.fields == SETTABLE,
+        "SETTABLE": config.receptive_fields == SETTABLE,
     }
 
 

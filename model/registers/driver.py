@@ -75,8 +75,11 @@ class Registers:
         """Choose the receptive field of the given taxels: own, neighbours, both or off."""
         if field not in CHOICES:
             raise InputError(f"a field must be one of {', '.join(CHOICES)}, not {field!r}")
-        if self.config.fields != SETTABLE:
-            raise InputError(f"the chip has built-in fields {self.config.fields}; build a chip with fields={SETTABLE}")
+        if self.config.receptive_fields != SETTABLE:
+            raise InputError(
+                f"the chip has built-in fields {self.config.receptive_fields}; "
+                f"build a chip with receptive_fields={SETTABLE}"
+            )
         for name, places in self._words("fields", 2):
             if mine := [place for place, taxel in enumerate(places) if taxel in taxels]:
                 value = self.read(name)["taxels"]

@@ -74,7 +74,8 @@ class RegisterFile:
 class Settings(NamedTuple):
     """The register settings that control the readout, as the fields of ``ReadoutConfig`` of the same names.
 
-    ``mask`` has a bit for each taxel. ``fields`` has two: the number of its field in ``model.encoders.fields.CHOICES``.
+    ``mask`` has a bit for each taxel. ``receptive_fields`` has two: the number of its field in
+    ``model.encoders.fields.CHOICES``.
     """
 
     resolution: int
@@ -82,7 +83,7 @@ class Settings(NamedTuple):
     leak_period: int
     window_period: int
     mask: int
-    fields: int = 0
+    receptive_fields: int = 0
 
     @classmethod
     def of(cls, config: ReadoutConfig, signals: Mapping[str, int]) -> Settings:
@@ -94,5 +95,5 @@ class Settings(NamedTuple):
             leak_period=signals.get("decay_period", config.leak_period),
             window_period=signals.get("window_period", config.window_period),
             mask=signals.get("mask_taxels", 0) | signals.get("mask_rest_taxels", 0) << whole,
-            fields=signals.get("fields_taxels", 0) | signals.get("fields_rest_taxels", 0) << whole_fields,
+            receptive_fields=signals.get("fields_taxels", 0) | signals.get("fields_rest_taxels", 0) << whole_fields,
         )

@@ -72,9 +72,10 @@ class TilesConfig(ReadoutConfig):
             raise InputError(f"tiles need the link stream to their merge, not {self.link}; leave --link out")
         if self.registers != "none":
             raise InputError(f"tiles of a skin have no registers, not {self.registers}; leave --registers out")
-        if self.fields != "own":
+        if self.receptive_fields != "own":
             raise InputError(
-                "tiles of a skin have no receptive fields, because fields would end at tile edges; leave fields out"
+                "tiles of a skin have no receptive fields, because fields would end at tile edges; "
+                "leave receptive_fields out"
             )
         _ = self.tile  # its sides are checked
 

@@ -23,14 +23,14 @@ class Fields(Block[ReadoutConfig]):
     sample, signal : In(rows * columns * W), Out(rows * columns * W)
         Codes of the sensors, and of the fields; 0 for a taxel that is off.
     choice : In(2 * rows * columns)
-        Number of each taxel's field in ``model.encoders.fields.CHOICES`` (``fields="settable"``).
+        Number of each taxel's field in ``model.encoders.fields.CHOICES`` (``receptive_fields="settable"``).
     """
 
     module_name = "eskin_fields"
 
     def __init__(self, config: ReadoutConfig) -> None:
         bits = config.taxels * config.sample_bits
-        choice = In(2 * config.taxels) if config.fields == SETTABLE else None
+        choice = In(2 * config.taxels) if config.receptive_fields == SETTABLE else None
         super().__init__(config, {"sample": In(bits), "choice": choice, "signal": Out(bits)})
 
     def elaborate(self, platform: Any) -> Module:
@@ -39,7 +39,7 @@ class Fields(Block[ReadoutConfig]):
         bits = self.config.sample_bits
         for taxel, field in enumerate(fields_of(self.config)):
             name = f"field_{taxel}"
-            settable = self.config.fields == SETTABLE
+            settable = self.config.receptive_fields == SETTABLE
             signal = self._chosen(m, taxel, name) if settable else self._of(m, field, name)
             m.d.comb += self.signal.word_select(taxel, bits).eq(signal)
         return m

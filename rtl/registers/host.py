@@ -37,7 +37,7 @@ class Host(Block[ReadoutConfig]):
     step : Out(resolution)
         D, one-hot in units of the built D; a register, a clock behind the register that the host wrote.
     choice : Out(2 * rows * columns)
-        Number of every taxel's field (``fields="settable"``, digital front end).
+        Number of every taxel's field (``receptive_fields="settable"``, digital front end).
     field_select : Out(3 * rows * columns)
         {both, neighbours, own} of every taxel, one-hot or 0; registers, a clock behind the registers that the host
         wrote (analog front end).
@@ -90,7 +90,7 @@ class Host(Block[ReadoutConfig]):
         clear, restart = file.control_clear, Signal()
         masks = [getattr(file, name) for name in ("mask_taxels", "mask_rest_taxels") if hasattr(file, name)]
         mask: Any = Cat(masks)
-        if config.fields == SETTABLE:
+        if config.receptive_fields == SETTABLE:
             mask = mask & self._choose(m, file, spi)
         m.d.comb += [
             file.clear.eq(clear),
@@ -141,9 +141,9 @@ class ShortHost(Host):
 
 def adds(config: ReadoutConfig) -> bool:
     """Return True if the adders of the receptive fields depend on the choice of a host."""
-    return config.fields == SETTABLE and config.frontend == "digital"
+    return config.receptive_fields == SETTABLE and config.frontend == "digital"
 
 
 def selects(config: ReadoutConfig) -> bool:
     """Return True if an external multiplexer needs select lines."""
-    return config.fields == SETTABLE and config.frontend == "analog"
+    return config.receptive_fields == SETTABLE and config.frontend == "analog"

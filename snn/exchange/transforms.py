@@ -80,9 +80,9 @@ class LevelCrossing:
         if not codes.size:
             return np.zeros(codes.shape, np.int16)
         flat = codes.reshape(len(codes), -1)
-        if not self.config.encoder.leaks and self.config.fields == "own":
+        if not self.config.encoder.leaks and self.config.receptive_fields == "own":
             return encode(self.config, flat).reshape(codes.shape)
-        taxels, fields = self.config.taxels, "" if self.config.fields == "own" else " with receptive fields"
+        taxels, fields = self.config.taxels, "" if self.config.receptive_fields == "own" else " with receptive fields"
         last = codes.shape[1:]
         if not (last[-1:] == (taxels,) or last[-2:] == (self.config.rows, self.config.columns)):
             raise InputError(

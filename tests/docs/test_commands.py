@@ -52,7 +52,7 @@ RUN = (
     "eskin decode brick.npz -o rebuilt.npz --plot rebuilt.png",
     "eskin convert brick.npz -o brick.nir",
     "make verilog ROWS=12 COLUMNS=16 LINK=four_phase",
-    "eskin verilog --fields both -o out/verilog",
+    "eskin verilog --receptive-fields both -o out/verilog",
     "eskin encode my_skin -o events",
     "make train DATA=my_skin",
     "make quantise",

@@ -143,7 +143,7 @@ def test_another_configuration_is_another_page_and_the_same_is_the_same(tmp_path
     for changes in ({"rows": 4}, {"clocks_per_sample": 16}, {"link": "stream"}, {"resolution": 5}, {"reset": "sync"}):
         assert datasheet(AER.replace(**changes)).split("\n## Pins")[1] != datasheet(AER).split("\n## Pins")[1], changes
     sheet_of(AER.replace(link="stream")).write(second)
-    assert "divided by 2^shift" in datasheet(STREAM.replace(fields="neighbours"))
+    assert "divided by 2^shift" in datasheet(STREAM.replace(receptive_fields="neighbours"))
     assert all(kept[name] != (second / name).read_bytes() for name in PICTURES)
 
 

@@ -78,7 +78,7 @@ def test_a_shorter_run_is_the_beginning_of_a_longer_one(run: RandomRun) -> None:
     assert before.tolist() == events[0][events[0]["t"] < 199].tolist()
 
 
-TILE = runs(300, most_taxels=6, frontend=["digital"], link=["stream"], registers=["none"], fields=["own"])
+TILE = runs(300, most_taxels=6, frontend=["digital"], link=["stream"], registers=["none"], receptive_fields=["own"])
 
 
 @settings(max_examples=9)

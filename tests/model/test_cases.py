@@ -59,7 +59,7 @@ def test_any_two_values_that_can_meet_do_meet_in_few_cases() -> None:
     assert few[0] == every[0]
     once = singles(**AXES)
     assert {value for c in once for value in values_of(c).items()} == {v for c in every for v in values_of(c).items()}
-    assert len(once) == len(CHOICES["fields"])
+    assert len(once) == len(CHOICES["receptive_fields"])
     assert sorted(c.link for c in pairs(**axes("link"))) == sorted(CHOICES["link"])  # a single axis
 
 
@@ -102,8 +102,8 @@ def test_a_drawn_configuration_shrinks_to_the_simplest() -> None:
 
 
 def test_counts_name_every_value_once() -> None:
-    configs = list(cases(fields=("own", LISTED), array=ARRAYS))
+    configs = list(cases(receptive_fields=("own", LISTED), array=ARRAYS))
     found = count(configs)
     assert found["rows"] == {"1": 2, "2": 2, "5": 2, ">8": 2}
-    assert found["fields"] == {"own": 4, "neighbours": 0, "both": 0, "settable": 0, LISTED: 4}
+    assert found["receptive_fields"] == {"own": 4, "neighbours": 0, "both": 0, "settable": 0, LISTED: 4}
     assert found["encoding"] == {"lcs": 8, "cw-lcs": 0, "nlcs": 0, "nlcs-bipolar": 0}

@@ -77,5 +77,5 @@ def test_settings_of_a_host_keep_a_constant_of_the_encoder_itself() -> None:
 
 def test_an_encoder_reads_fields_of_the_configuration() -> None:
     fields = ReadoutConfig().to_dict()
-    assert all(set(encoder.fields) <= set(fields) for encoder in registry.ENCODERS)
+    assert all(set(encoder.parameters) <= set(fields) for encoder in registry.ENCODERS)
     assert all(0 <= encoder.code < 8 for encoder in registry.ENCODERS)  # three bits of the register ``shape``

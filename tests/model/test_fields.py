@@ -37,7 +37,7 @@ TWO = ReadoutConfig(rows=1, columns=2, sample_bits=4, resolution=1)
     ],
 )
 def test_sums_are_rounded_half_to_even_and_saturate(field: Any, samples: tuple[int, int], signal: int) -> None:
-    config = TWO.replace(fields=[field, [[0], 0]])
+    config = TWO.replace(receptive_fields=[field, [[0], 0]])
     assert signals(config, np.array([samples]))[0].tolist() == [signal, samples[0]]
 
 
@@ -48,29 +48,32 @@ def test_a_missing_neighbour_is_the_own_sample() -> None:
     assert kind("both", 1, 1, 0) == Field((0,) * 8, 3)
     level = np.full((1, 12), -77)
     for name in ("neighbours", "both"):
-        assert np.array_equal(signals(ReadoutConfig(rows=3, columns=4, fields=name), level), level)
+        assert np.array_equal(signals(ReadoutConfig(rows=3, columns=4, receptive_fields=name), level), level)
 
 
 def test_own_samples_give_the_same_configuration_and_verilog() -> None:
-    own = TWO.replace(fields=[{"taxels": [0]}, [[1], 0]])
+    own = TWO.replace(receptive_fields=[{"taxels": [0]}, [[1], 0]])
     assert own == TWO
-    assert "fields" not in own.to_dict()
+    assert "receptive_fields" not in own.to_dict()
     assert verilog(own) == verilog(TWO)
     assert "eskin_fields" not in verilog(TWO)
 
 
 def test_lists_come_back_from_json_and_from_text() -> None:
-    config = TWO.replace(fields=[{"taxels": [1, 0], "shift": 1}, {"taxels": []}])
-    assert ReadoutConfig.from_json(config.to_json()) == config == TWO.replace(fields="[[[0,1],1],[[],0]]")
-    assert hash(config) == hash(TWO.replace(fields=config.fields))
+    config = TWO.replace(receptive_fields=[{"taxels": [1, 0], "shift": 1}, {"taxels": []}])
+    assert ReadoutConfig.from_json(config.to_json()) == config == TWO.replace(receptive_fields="[[[0,1],1],[[],0]]")
+    older = config.to_dict()
+    older["fields"] = older.pop("receptive_fields")  # the key in files of earlier versions
+    assert ReadoutConfig.from_dict(older) == config
+    assert hash(config) == hash(TWO.replace(receptive_fields=config.receptive_fields))
 
 
 @pytest.mark.parametrize("encoding", registry.NAMES)
 def test_encoders_see_the_signal_and_decoders_rebuild_it(encoding: Any) -> None:
     config = ReadoutConfig(
-        rows=2, columns=2, encoding=encoding, fields=[[[0, 3], 1], [[], 0], [[2], 0], [[1, 1, 2], 2]]
+        rows=2, columns=2, encoding=encoding, receptive_fields=[[[0, 3], 1], [[], 0], [[2], 0], [[1, 1, 2], 2]]
     )
-    plain = config.replace(fields="own")
+    plain = config.replace(receptive_fields="own")
     samples = np.rint(800 * np.sin(np.arange(2000)[:, None] / [60, 90, 70, 80])).astype(np.int16)
     seen = signals(config, samples)
     counts, late = encode_timed(config, samples)
@@ -93,31 +96,36 @@ def test_encoders_see_the_signal_and_decoders_rebuild_it(encoding: Any) -> None:
     [
         (
             "all",
-            "fields must be own, neighbours, both, settable, or a list with taxels and shift of every taxel, not 'all'",
+            "receptive_fields must be own, neighbours, both, settable, "
+            "or a list with taxels and shift of every taxel, not 'all'",
         ),
-        (7, "fields must be own, neighbours, both, settable, or a list with taxels and shift of every taxel, not 7"),
-        ("[1", "fields are not JSON: "),
-        ([[[0], 0]], "fields must list a field for each of the 2 taxels, not 1"),
-        ([[[0], 0], [0]], 'fields[1] must be like {"taxels": [0, 1], "shift": 1}, not [0]'),
-        ([[[0], 0], {"taxel": [0]}], 'fields[1] must be like {"taxels": [0, 1], "shift": 1}, not {'),
-        ([[[0], 0], [[2], 0]], "the taxels of fields[1] must be in 0..1, not 2"),
-        ([[[0], 0], [[True], 0]], "the taxels of fields[1] must be a list of whole numbers, not [True]"),
+        (
+            7,
+            "receptive_fields must be own, neighbours, both, settable, "
+            "or a list with taxels and shift of every taxel, not 7",
+        ),
+        ("[1", "receptive_fields are not JSON: "),
+        ([[[0], 0]], "receptive_fields must list a field for each of the 2 taxels, not 1"),
+        ([[[0], 0], [0]], 'receptive_fields[1] must be like {"taxels": [0, 1], "shift": 1}, not [0]'),
+        ([[[0], 0], {"taxel": [0]}], 'receptive_fields[1] must be like {"taxels": [0, 1], "shift": 1}, not {'),
+        ([[[0], 0], [[2], 0]], "the taxels of receptive_fields[1] must be in 0..1, not 2"),
+        ([[[0], 0], [[True], 0]], "the taxels of receptive_fields[1] must be a list of whole numbers, not [True]"),
         (
             [[[0], 0], [[1, 1, 0], 3]],
-            "the shift of fields[1] must be in 0..2 for 3 taxels, not 3; a larger one only loses bits",
+            "the shift of receptive_fields[1] must be in 0..2 for 3 taxels, not 3; a larger one only loses bits",
         ),
-        ([[[0], 0], [[1] * 257, 9]], "fields[1] must have at most 256 taxels, not 257"),
-        ("settable", "fields settable need registers in which a host chooses them; set registers to spi"),
-        ([[[], 0], [[], 0]], "fields must leave a taxel on, but no field has a taxel"),
+        ([[[0], 0], [[1] * 257, 9]], "receptive_fields[1] must have at most 256 taxels, not 257"),
+        ("settable", "receptive_fields settable need registers in which a host chooses them; set registers to spi"),
+        ([[[], 0], [[], 0]], "receptive_fields must leave a taxel on, but no field has a taxel"),
     ],
 )
 def test_what_is_no_field_is_one_sentence(fields: Any, sentence: str) -> None:
     with pytest.raises(InputError, match=f"^{re.escape(sentence)}"):
-        TWO.replace(fields=fields)
+        TWO.replace(receptive_fields=fields)
 
 
 def test_tiles_frames_and_other_numbers_of_taxels_refuse_fields() -> None:
-    config = ReadoutConfig(rows=2, columns=2, fields="both")
+    config = ReadoutConfig(rows=2, columns=2, receptive_fields="both")
     with pytest.raises(InputError, match="tiles of a skin have no receptive fields"):
         TilesConfig.of(config, 2, 2)
     with pytest.raises(InputError, match="receptive fields belong to the spiking readout"):
@@ -127,7 +135,7 @@ def test_tiles_frames_and_other_numbers_of_taxels_refuse_fields() -> None:
 
 
 def test_a_host_chooses_the_field_of_each_taxel() -> None:
-    config = ReadoutConfig(rows=3, columns=6, fields="settable", registers="spi", clocks_per_sample=8)
+    config = ReadoutConfig(rows=3, columns=6, receptive_fields="settable", registers="spi", clocks_per_sample=8)
     file = RegisterFile(config)
 
     def exchange(sent: bytes) -> bytes:
@@ -139,7 +147,7 @@ def test_a_host_chooses_the_field_of_each_taxel() -> None:
     chip = Registers(config, exchange)
     for number, name in enumerate(CHOICES):
         chip.choose(name, range(number, 18, 4))
-    told = Settings.of(config, file.signals()).fields
+    told = Settings.of(config, file.signals()).receptive_fields
     choice = np.array([[told >> 2 * taxel & 3 for taxel in range(18)]], np.uint8)
     assert choice[0].tolist() == [taxel % 4 for taxel in range(18)]
 
@@ -147,15 +155,17 @@ def test_a_host_chooses_the_field_of_each_taxel() -> None:
     own = Stimulus.from_samples(config, walk)
     kept = dataclasses.replace(own, enable=choice != CHOICES.index("off"))
     set_up = dataclasses.replace(kept, choice_clock=np.zeros(1, np.int64), choice=choice)
-    plain = ReadoutConfig.from_dict(config.to_dict() | {"registers": "none", "fields": "own"})
+    plain = ReadoutConfig.from_dict(config.to_dict() | {"registers": "none", "receptive_fields": "own"})
     built = [kind(CHOICES[taxel % 4], 3, 6, taxel) if taxel % 4 < 3 else Field(()) for taxel in range(18)]
-    assert np.array_equal(simulate(config, set_up), simulate(plain.replace(fields=built), own))
+    assert np.array_equal(simulate(config, set_up), simulate(plain.replace(receptive_fields=built), own))
     assert np.array_equal(simulate(config, kept), simulate(plain, kept))
     assert len(simulate(config, set_up)) > 300
 
     with pytest.raises(InputError, match="a field must be one of own, neighbours, both, off, not 'all'"):
         chip.choose("all", [0])
-    with pytest.raises(InputError, match="the chip has built-in fields own; build a chip with fields=settable"):
-        Registers(config.replace(fields="own"), exchange).choose("own", [0])
-    with pytest.raises(InputError, match="a choice needs fields settable, not own"):
-        simulate(config.replace(fields="own"), set_up)
+    with pytest.raises(
+        InputError, match="the chip has built-in fields own; build a chip with receptive_fields=settable"
+    ):
+        Registers(config.replace(receptive_fields="own"), exchange).choose("own", [0])
+    with pytest.raises(InputError, match="a choice needs receptive_fields settable, not own"):
+        simulate(config.replace(receptive_fields="own"), set_up)

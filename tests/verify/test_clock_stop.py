@@ -26,7 +26,7 @@ from eskin.verify.proofs.mutants import make
 
 FEW = ReadoutConfig(rows=2, columns=2, sample_bits=6, resolution=2, window_period=3, leak_period=3)
 SKIPPED: list[Any] = [
-    *cases(FEW, **axes("encoding"), more=({}, {"decide_every": "sample"}, {"fields": "neighbours"})),
+    *cases(FEW, **axes("encoding"), more=({}, {"decide_every": "sample"}, {"receptive_fields": "neighbours"})),
     *CHIPS,
 ]
 """A configuration of every kind for which the co-simulation skips idle clocks: all that ``awake`` depends on."""

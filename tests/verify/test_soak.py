@@ -61,7 +61,7 @@ def test_a_broken_readout_becomes_one_command(tmp_path: Path, monkeypatch: pytes
 
 
 def test_a_run_is_read_as_it_is_written() -> None:
-    config = ReadoutConfig(rows=2, columns=1, fields=[[[0, 1], 1], [[], 0]], registers="spi", resolution=3)  # type: ignore[arg-type]
+    config = ReadoutConfig(rows=2, columns=1, receptive_fields=[[[0, 1], 1], [[], 0]], registers="spi", resolution=3)  # type: ignore[arg-type]
     run = RandomRun(config, 7, 93, "near", 12, "slow", 3, noisy=True)
     assert RandomRun.from_json(run.to_json()) == run
     assert "encoding" not in run.to_json()  # a default

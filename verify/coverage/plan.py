@@ -38,7 +38,7 @@ SMALL = SMALL.replace(closing_shift=1, window_period=3)
 ARRAYS = tuple({"rows": rows, "columns": columns} for rows, columns in ((3, 3), (2, 2), (5, 2), (9, 2)))
 
 LEFT_OUT = {
-    ("fields", LISTED): "a taxel that is off has constant nets; the simulated readouts have lists",
+    ("receptive_fields", LISTED): "a taxel that is off has constant nets; the simulated readouts have lists",
     ("rows", "1"): "the points of the arbiter need two rows; the simulated readouts have arrays of one row",
 }
 """Values without a run, and the reason."""
@@ -54,7 +54,7 @@ def _readouts() -> Iterator[Run]:
     yield Run("plain", SMALL, stimuli.readout, small=True)
     yield Run("windows", SMALL.replace(encoding="cw-lcs"), stimuli.readout, small=True)
     settings = axes("encoding", "frontend", "link", "reset", "decide_every")
-    for config in pairs(SMALL, **settings, fields=KINDS, array=ARRAYS)[1:]:
+    for config in pairs(SMALL, **settings, receptive_fields=KINDS, array=ARRAYS)[1:]:
         yield Run(" ".join(values_of(config).values()), config, stimuli.readout)
 
 
@@ -74,15 +74,15 @@ def _frames() -> Iterator[Run]:
 def _hosts() -> Iterator[Run]:
     """Yield runs of readouts with registers, and of the blocks of the host interface."""
     base = SMALL.replace(registers="spi")
-    for config in pairs(base, **axes("encoding", "frontend", "reset"), fields=("own", SETTABLE)):
+    for config in pairs(base, **axes("encoding", "frontend", "reset"), receptive_fields=("own", SETTABLE)):
         yield Run(f"registers {' '.join(values_of(config).values())}", config, stimuli.host)
     for name, steps, configs in (
-        ("registers", registers.steps, cases(base, **axes("encoding"), fields=("own", SETTABLE))),
+        ("registers", registers.steps, cases(base, **axes("encoding"), receptive_fields=("own", SETTABLE))),
         ("pattern", pattern.steps, cases(base, **axes("encoding"))),
         ("spi", spi.steps, [base]),
     ):
         for config in configs:
-            own = f"{name} alone {config.encoding} {config.fields}"
+            own = f"{name} alone {config.encoding} {config.receptive_fields}"
             yield Run(own, config, stimuli.alone(f"eskin_{name}", steps, 11, 12, 13))
 
 

@@ -12,10 +12,12 @@ from eskin.model.tiles.config import TilesConfig
 FEW = ReadoutConfig(rows=2, columns=2, sample_bits=6, resolution=2, leak_period=3, leak_shift=3, fraction_bits=3)
 FEW = FEW.replace(window_period=3)
 """Few bits, so that the ends of the scale and of every counter are near."""
-FIELDS = FEW.replace(fields="both")
+FIELDS = FEW.replace(receptive_fields="both")
 """A readout with receptive fields."""
 
-LEFT_OUT = {("fields", LISTED): "a trial ends with a swing that every taxel answers; a list may switch taxels off"}
+LEFT_OUT = {
+    ("receptive_fields", LISTED): "a trial ends with a swing that every taxel answers; a list may switch taxels off"
+}
 """Values without a trial, and the reason."""
 
 Config = ReadoutConfig | FrameConfig | ClassifierConfig
@@ -43,7 +45,7 @@ class Trial:
         if isinstance(c, TilesConfig):
             return "a tile's relay station, loaded" if c.relays else f"{c.tile_rows} x {c.tile_columns} tiles, loaded"
         words = [f"{c.rows} x {c.columns}", c.encoding, c.link, c.frontend, f"{c.sample_bits} bits"]
-        words += [f"fields {c.fields}"] * (c.fields != "own")
+        words += [f"fields {c.receptive_fields}"] * (c.receptive_fields != "own")
         words += ["by the tick"] * (c.decide_every == "sample") + [f"ACK after {self.slow}"] * bool(self.slow)
         if c.registers != "none":
             return ", ".join([*words, "registers", ("host", "pattern of one", "pattern of all")[self.mode]])
@@ -62,7 +64,7 @@ def trials(small: bool = False) -> list[Trial]:
         found += [Trial(first, stride=67), Trial(others[-1], stride=67), Trial(first, stride=67, mode=2)]
         return [*found, Trial(classifiers()[0], stride=13)]
     sides = {"rows": 3, "columns": 3}
-    shapes = AXES | {"registers": ("none",), "frontend": ("digital",), "fields": KINDS}
+    shapes = AXES | {"registers": ("none",), "frontend": ("digital",), "receptive_fields": KINDS}
     stream = [
         *(config.replace(**sides) for config in every),
         *(
@@ -83,7 +85,7 @@ def trials(small: bool = False) -> list[Trial]:
                 Trial(config.replace(encoding="cw-lcs"), calm, 0, 3),
             ]
     found += [*map(Trial, frames()), *map(Trial, tiles())]
-    others.append(first.replace(fields="settable"))
+    others.append(first.replace(receptive_fields="settable"))
     found += [Trial(first, stride=3), *(Trial(config, stride=37) for config in others)]
     found += [Trial(first, stride=37, mode=mode) for mode in (1, 2)]
     return [*found, *(Trial(config, stride=2) for config in classifiers())]

@@ -39,7 +39,7 @@ def problems_of(trial: Trial, upset: Upset) -> str:
 def run(trial: Trial) -> tuple[list[dict[str, Any]], list[str]]:
     """Run a trial; return one result per block, and a sentence for each bit flip whose effect exceeds the limits."""
     of_block: dict[str, list[Upset]] = {}
-    if getattr(trial.config, "fields", "own") != "own":
+    if getattr(trial.config, "receptive_fields", "own") != "own":
         of_block["fields"] = []  # a line in the report even without a flop
     problems: list[str] = []
     for upset in upsets_of(trial):

@@ -50,7 +50,7 @@ class Proof:
         c = self.config
         array = f"{c.rows} x {c.columns}" if hasattr(c, "rows") else ""
         tick = " by the tick" * (getattr(c, "decide_every", "") == "sample")
-        fields = " fields" * (getattr(c, "fields", "own") != "own")
+        fields = " fields" * (getattr(c, "receptive_fields", "own") != "own")
         match self.block:
             case "arbiter" | "link":
                 return array + " unipolar" * (not c.has_polarity)
@@ -73,7 +73,7 @@ class Proof:
                 ends = ", saturates" * c.saturates + ", currents" * bool(c.synapse_shift)
                 return f"{c.inputs}-{c.hidden}-{c.classes}, {c.lanes} lanes, {c.readout}{ends}"
             case "fields":
-                return f"{array} {c.fields if isinstance(c.fields, str) else 'lists'}"
+                return f"{array} {c.receptive_fields if isinstance(c.receptive_fields, str) else 'lists'}"
             case "readout":
                 return f"{array} {c.encoding} {c.frontend} {c.link}{tick}{fields}"
         return f"{c.encoding} {c.frontend} {c.sample_bits} bits{tick}{' registers' * (c.registers != 'none')}"
@@ -142,7 +142,9 @@ def readouts() -> list[Proof]:
     sides = ({"rows": 1, "columns": 1}, {"rows": 2, "columns": 2})
     spiking = list(cases(few, array=sides, **axes("link")))
     tight = SMALL.replace(rows=2, columns=2, sample_bits=4, fraction_bits=1)
-    coded = pairs(tight, **axes("encoding", "frontend", "link", "reset", "decide_every"), fields=("own", "both"))
+    coded = pairs(
+        tight, **axes("encoding", "frontend", "link", "reset", "decide_every"), receptive_fields=("own", "both")
+    )
     spiking += [c.replace(sample_bits=6) if c.encoder.windowed else c for c in coded]
 
     def hunts(c: ReadoutConfig) -> bool:
@@ -170,7 +172,7 @@ def hosts() -> list[Proof]:
     few = base.replace(rows=2, columns=2, encoding="nlcs", sample_bits=8, resolution=3, leak_period=5)
     more = base.replace(rows=5, columns=8, encoding="cw-lcs", window_period=5)
     window = base.replace(rows=1, columns=2, encoding="cw-lcs", sample_bits=8, resolution=3, window_period=3)
-    chosen = list(cases(window.replace(rows=2, fields="settable"), **axes("frontend")))
+    chosen = list(cases(window.replace(rows=2, receptive_fields="settable"), **axes("frontend")))
     patterns = [base.replace(rows=2, columns=2), base.replace(rows=1, columns=4), base.replace(rows=4, columns=1)]
     return [
         Proof(NarrowSpiChecker, few, 27, True, True),
@@ -240,9 +242,11 @@ def classifiers() -> list[Proof]:
 def fields() -> list[Proof]:
     """Return the proofs of the receptive fields: named, chosen by a host, and listed."""
     listed: Any = ([[0, 1, 2, 3], 1], [[1], 0], [[0, 0, 3], 2], [[], 0])
-    few = SMALL.replace(rows=2, columns=2, sample_bits=4, fields=listed)
-    named = cases(SMALL.replace(rows=2, columns=2, sample_bits=3, resolution=1), fields=("neighbours", "both"))
-    chosen = SMALL.replace(rows=1, columns=2, sample_bits=3, resolution=1, fields="settable", registers="spi")
+    few = SMALL.replace(rows=2, columns=2, sample_bits=4, receptive_fields=listed)
+    named = cases(
+        SMALL.replace(rows=2, columns=2, sample_bits=3, resolution=1), receptive_fields=("neighbours", "both")
+    )
+    chosen = SMALL.replace(rows=1, columns=2, sample_bits=3, resolution=1, receptive_fields="settable", registers="spi")
     return [Proof(FieldsChecker, c, 2, c == few, c == few) for c in (few, *named, chosen)]
 
 

@@ -45,8 +45,8 @@ Workers = Annotated[int | None, opt(..., "number of worker processes [one per us
 DEFAULT_RESOLUTION = 4
 
 WITHOUT_EFFECT = {
-    "frames": "encoding resolution tau start fields",
-    "events": "preset encoding resolution tau fields config_file dataset start_rows disturbed taxels data",
+    "frames": "encoding resolution tau start receptive_fields",
+    "events": "preset encoding resolution tau receptive_fields config_file dataset start_rows disturbed taxels data",
     "data": "preset dataset start_rows disturbed taxels",
 }
 """Parameters without effect beside another parameter: frames have no encoder, and recordings are no scans."""
@@ -54,7 +54,7 @@ WITHOUT_EFFECT = {
 _NAMES = {"bin_s": "bin", "config_file": "config", "start_rows": "start-rows"}
 
 
-ENCODER = ("encoding", "resolution", "fields", "sample_rate_hz")
+ENCODER = ("encoding", "resolution", "receptive_fields", "sample_rate_hz")
 """Fields of the readout with an option; ``--config`` sets all fields."""
 
 OWN = field_options(Preparation, PREPARATION, {"baseline": "first", "strict": True}, RECORDINGS)

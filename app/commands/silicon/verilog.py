@@ -126,7 +126,7 @@ def gates(
         _count_classifier(classifier, liberty, as_json)
         return
     designs: dict[str, ReadoutConfig | FrameConfig] = {one.encoding: one for one in cases(config, **axes("encoding"))}
-    designs["frame"] = FrameConfig(readout=config.replace(registers="none", fields="own"), **stored)
+    designs["frame"] = FrameConfig(readout=config.replace(registers="none", receptive_fields="own"), **stored)
     counted = {name: count_gates(design, config.taxels, liberty).to_dict() for name, design in designs.items()}
     if as_json:
         print(json.dumps({"liberty": liberty.name if liberty else None, "readouts": counted}, indent=2))

@@ -13,7 +13,7 @@ from eskin.verify.proofs.checker import Checker, Promises, before, implies
 
 def _all(config: ReadoutConfig) -> list[tuple[int, int | None, Field]]:
     """Return every taxel with each of its possible fields and their numbers."""
-    if config.fields != SETTABLE:
+    if config.receptive_fields != SETTABLE:
         return [(taxel, None, field) for taxel, field in enumerate(fields_of(config))]
     named: list[tuple[int, int | None, Field]] = [
         (taxel, number, kind(name, config.rows, config.columns, taxel))
