@@ -88,8 +88,8 @@ class FrameSequencer(Block[FrameConfig]):
             self.sample_first.eq(first),
             self.frame_overrun.eq(overrun),
         ]
-        stirs = [self.frame_start, overrun, taken, self.adc_start, scanning & (settling != 0), held & self.sample_ready]
-        m.d.comb += self.awake.eq(Cat(stirs).any())
+        wakes = [self.frame_start, overrun, taken, self.adc_start, scanning & (settling != 0), held & self.sample_ready]
+        m.d.comb += self.awake.eq(Cat(wakes).any())
         if "sample_last" in self.signature.members:
             m.d.comb += self.sample_last.eq(last)
         m.d.sync += overrun.eq(self.frame_start & scanning)

@@ -78,13 +78,13 @@ class Readout(Block[ReadoutConfig]):
                 m.d.comb += fields.choice.eq(host.choice)
             outer["sample"] = fields.signal
 
-        stirs: list[Any] = [arbiter.awake]
+        needs_clock: list[Any] = [arbiter.awake]
         if config.needs_tick:
             tick = Signal()
             m.d.sync += tick.eq(self.sample_valid)
-            stirs += [self.sample_valid, tick]
+            needs_clock += [self.sample_valid, tick]
         if host is not None and config.encoder.leaks:
-            stirs.append(host.decay_restart)
+            needs_clock.append(host.decay_restart)
         if config.encoder.leaks:
             row_decay = self._row_decay(m, tick, host, platform)
 
@@ -95,7 +95,7 @@ class Readout(Block[ReadoutConfig]):
                 row.select.eq(arbiter.select[index]),
                 row.granted.eq(arbiter.granted[index]),
             ]
-            stirs.append(row.awake)
+            needs_clock.append(row.awake)
             _request(m, arbiter, row, host, index)
             if "tick" in row.signature.members:
                 m.d.comb += row.tick.eq(tick)
@@ -110,7 +110,7 @@ class Readout(Block[ReadoutConfig]):
 
         # No logic in this block uses the signal. A clock gate may stop all but link and host, which hear ACK and SPI.
         awake = Signal(attrs={"keep": 1})
-        m.d.comb += awake.eq(or_tree(stirs))
+        m.d.comb += awake.eq(or_tree(needs_clock))
 
         sink: Any = self
         link = links.named(config.link)

@@ -8,7 +8,7 @@ from amaranth.lib.wiring import In, Out
 
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.block import Block
-from eskin.rtl.encoders.encoder import Own
+from eskin.rtl.encoders.encoder import Shared
 from eskin.rtl.encoders.registry import named
 from eskin.rtl.logic import or_tree
 
@@ -57,7 +57,7 @@ class Taxel(Block[ReadoutConfig]):
         The request, if there is one, is taken in this clock.
     request, polarity : Out(1)
         The pending request and its polarity (1 is ON).
-    stirs : Out(1)
+    needs_clock : Out(1)
         A register may change at the end of this clock, even without a grant, a new sample or a leak.
     """
 
@@ -81,7 +81,7 @@ class Taxel(Block[ReadoutConfig]):
                 "granted": In(1),
                 "request": Out(1),
                 "polarity": Out(1) if bipolar else None,
-                "stirs": Out(1),
+                "needs_clock": Out(1),
             },
         )
 
@@ -91,29 +91,29 @@ class Taxel(Block[ReadoutConfig]):
         # ``moves`` is high an enabled taxel is free, so their new values do not depend on the grant.
         m = Module()
         config = self.config
-        own = Own(*(Signal(name=field.name) for field in fields(Own)))
-        above, below = named(config.encoding)(m, self, own, platform)
+        shared = Shared(*(Signal(name=field.metadata.get("wire", field.name)) for field in fields(Shared)))
+        above, below = named(config.encoding)(m, self, shared, platform)
         decide = self.tick if config.decide_every == "sample" else Const(1)
         switched = Signal()
-        m.d.comb += switched.eq(self.enable ^ own.enabled)
+        m.d.comb += switched.eq(self.enable ^ shared.enabled)
         if self.sleeps:
-            decide &= own.enabled
-            m.d.comb += switched.eq(Mux(own.enabled, ~self.enable, self.enable & self.sample_valid))
-        leaks = own.enabled & self.decay if config.encoder.leaks else Const(0)
+            decide &= shared.enabled
+            m.d.comb += switched.eq(Mux(shared.enabled, ~self.enable, self.enable & self.sample_valid))
+        leaks = shared.enabled & self.decay if config.encoder.leaks else Const(0)
         m.d.comb += [
-            self.request.eq(own.pending & self.enable),
-            own.on.eq(decide & above),
-            own.off.eq(decide & below),
-            own.asks.eq(self.enable & (own.on | own.off)),
-            own.moves.eq(switched | Mux(own.pending, self.granted, own.asks | leaks)),
-            self.stirs.eq(switched | (~own.pending & own.asks) | own.closing),
+            self.request.eq(shared.pending & self.enable),
+            shared.on.eq(decide & above),
+            shared.off.eq(decide & below),
+            shared.wants_event.eq(self.enable & (shared.on | shared.off)),
+            shared.moves.eq(switched | Mux(shared.pending, self.granted, shared.wants_event | leaks)),
+            self.needs_clock.eq(switched | (~shared.pending & shared.wants_event) | shared.closing),
         ]
-        with m.If(own.moves):
-            m.d.sync += [own.enabled.eq(self.enable), own.pending.eq(own.asks)]
+        with m.If(shared.moves):
+            m.d.sync += [shared.enabled.eq(self.enable), shared.pending.eq(shared.wants_event)]
         if config.has_polarity:
             sign = Signal()
-            with m.If(own.moves):
-                m.d.sync += sign.eq(own.on)
+            with m.If(shared.moves):
+                m.d.sync += sign.eq(shared.on)
             m.d.comb += self.polarity.eq(sign)
         return m
 
@@ -149,7 +149,7 @@ class Row(Block[ReadoutConfig]):
         columns = config.columns
         taxel = Taxel(config)
         shared = {"tick", "decay", "sample_valid", *settings(config)}
-        own = {"enable", "granted", "request", "polarity", "stirs"}
+        own = {"enable", "granted", "request", "polarity", "needs_clock"}
         ports: dict[str, Any] = {
             "enable": In(columns),
             "select": In(1),
@@ -172,7 +172,7 @@ class Row(Block[ReadoutConfig]):
     def elaborate(self, platform: Any) -> Module:
         m = Module()
         requests, polarities = [], []
-        stirs: list[Any] = [
+        needs_clock: list[Any] = [
             self.granted,
             *(getattr(self, name) for name in ("sample_valid", "decay") if name in self.shared),
         ]
@@ -184,13 +184,13 @@ class Row(Block[ReadoutConfig]):
             for name in self.per_taxel:
                 taxel.connect(m, name, getattr(self, name).word_select(column, len(getattr(taxel, name))))
             requests.append(taxel.request)
-            stirs.append(taxel.stirs)
+            needs_clock.append(taxel.needs_clock)
             if self.config.has_polarity:
                 polarities.append(taxel.polarity)
         request = Cat(requests)
         m.d.comb += [
             self.request.eq(request.any()),
-            self.awake.eq(or_tree(stirs)),
+            self.awake.eq(or_tree(needs_clock)),
             self.column_request.eq(request & self.select.replicate(len(requests))),
         ]
         if polarities:

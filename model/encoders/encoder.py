@@ -52,7 +52,8 @@ class Encoder(ABC):
     """Front ends that the encoder supports. Analog comparators have one half-width for both thresholds."""
     timed: ClassVar[bool] = False  # the decoder must know which events came late
     Rule: ClassVar[Any]
-    """A subclass of ``Constants`` of its own, or a named tuple with the fields of ``Constants`` and of ``own``."""
+    """A subclass of ``Constants`` of its own, or a named tuple with the fields of ``Constants`` and of
+    ``extra_constants``."""
     state: ClassVar[tuple[str, ...]] = ()  # additional state of a taxel besides sample and reference; 0 after reset
 
     @property
@@ -86,7 +87,7 @@ class Encoder(ABC):
     def check(self, config: ReadoutConfig) -> None:  # noqa: B027 (most encoders take every configuration)
         """Raise InputError for a configuration that this encoder does not support."""
 
-    def own(self, config: ReadoutConfig) -> tuple[int, ...]:
+    def extra_constants(self, config: ReadoutConfig) -> tuple[int, ...]:
         """Return the values of the fields that ``Rule`` adds to ``Constants``; a host must not change them."""
         return ()
 
@@ -97,7 +98,7 @@ class Encoder(ABC):
         set_by_host = (config.window_period, config.leak_shift, config.leak_period)
         steps = (1 << step_log2, 1 << step_log2 - levels)
         built = (fraction, step_log2, levels, config.most_events_per_tick)
-        return self.Rule(*steps, *set_by_host, *built, *self.own(config))
+        return self.Rule(*steps, *set_by_host, *built, *self.extra_constants(config))
 
     def state_dtype(self, config: ReadoutConfig) -> type[np.signedinteger[Any]]:
         """Return an integer type that can hold every number in ``ticks``."""

@@ -1,7 +1,7 @@
 """Interface of an encoder in hardware: reference, and digital comparators or ports for analog ones."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from amaranth.hdl import Const, Module, Mux, Signal, signed
@@ -14,7 +14,7 @@ Taxel = Block[ReadoutConfig]
 
 
 @dataclass(frozen=True)
-class Own:
+class Shared:
     """Signals shared by a taxel and its encoder.
 
     Attributes
@@ -26,7 +26,7 @@ class Own:
         taxel ``sleeps``, it also has taken a sample since.
     on, off : Signal
         A free taxel steps up, or down, in this clock; where both are high, up.
-    asks : Signal
+    wants_event : Signal
         An enabled taxel, if it is free, raises a request in this clock.
     moves : Signal
         Enable of request, polarity and reference.
@@ -38,20 +38,21 @@ class Own:
     enabled: Signal
     on: Signal
     off: Signal
-    asks: Signal
+    wants_event: Signal = field(metadata={"wire": "asks"})  # the Verilog has this name
     moves: Signal
     closing: Signal
 
 
-Build = Callable[[Module, Taxel, Own, Any], tuple[Any, Any]]
+Build = Callable[[Module, Taxel, Shared, Any], tuple[Any, Any]]
 """Function that adds reference, state and comparators to a taxel, and returns the step-up and step-down signals.
 
-The last argument is the platform. The reference moves where ``own.moves`` is high: up where ``own.on`` is, else down
-where ``own.off`` is, and to its reset value where the taxel is masked. A step that would leave the scale is not due.
+The last argument is the platform. The reference moves where ``shared.moves`` is high: up where ``shared.on`` is, else
+down where ``shared.off`` is, and to its reset value where the taxel is masked. A step that would leave the scale
+is not due.
 """
 
 
-def compare(m: Module, taxel: Taxel, own: Own, reference: Any, half_width: Any) -> tuple[Any, Any]:
+def compare(m: Module, taxel: Taxel, shared: Shared, reference: Any, half_width: Any) -> tuple[Any, Any]:
     """Add digital comparators, or ports for analog ones; return whether x is above and below the window.
 
     Reference and half-width are in units of the encoder's grid. Flops drive the DACs.
@@ -71,7 +72,7 @@ def compare(m: Module, taxel: Taxel, own: Own, reference: Any, half_width: Any) 
         newest = Mux(taxel.sample[-1], 0, taxel.sample[:-1])
     takes = taxel.enable & taxel.sample_valid
     if not taxel.sleeps:
-        takes |= ~taxel.enable & own.enabled
+        takes |= ~taxel.enable & shared.enabled
         newest = Mux(taxel.enable, newest, 0)
     with m.If(takes):
         m.d.sync += sample.eq(newest)

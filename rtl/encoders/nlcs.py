@@ -4,10 +4,10 @@ from typing import Any
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal
 
-from eskin.rtl.encoders.encoder import Own, Taxel, compare
+from eskin.rtl.encoders.encoder import Shared, Taxel, compare
 
 
-def build(m: Module, taxel: Taxel, own: Own, platform: Any) -> tuple[Any, Any]:
+def build(m: Module, taxel: Taxel, shared: Shared, platform: Any) -> tuple[Any, Any]:
     """Add the reference and the comparator."""
     config = taxel.config
     fraction, shift = config.fraction_bits, config.leak_shift
@@ -23,11 +23,11 @@ def build(m: Module, taxel: Taxel, own: Own, platform: Any) -> tuple[Any, Any]:
         shifted = Cat(Const(0, 1), charge) >> taxel.leak_shift
         rounded = shifted[1:] + shifted[:1]
         fits = ~(reference | (step - 1)[: len(reference)]).all()
-    rise = Mux(own.on, step << fraction, 0)
+    rise = Mux(shared.on, step << fraction, 0)
     share = Signal(len(rounded))
     m.d.comb += share.eq(rounded)
     leak = Mux(taxel.decay, share, 0)
-    with m.If(own.moves):
+    with m.If(shared.moves):
         m.d.sync += charge.eq(Mux(taxel.enable, (charge + rise - leak)[: len(charge)], charge.init))
-    above, below = compare(m, taxel, own, reference, step)
+    above, below = compare(m, taxel, shared, reference, step)
     return above & fits, below

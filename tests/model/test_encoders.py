@@ -57,21 +57,21 @@ def test_every_compiled_function_calls_that_of_the_encoder() -> None:
         assert taxel.u == reach == config.step << encoder.fraction_bits(config)
 
 
-OwnRule = namedtuple("OwnRule", (*Constants._fields, "pause"))  # type: ignore[misc]
+ExtraRule = namedtuple("ExtraRule", (*Constants._fields, "pause"))  # type: ignore[misc]
 
 
-class Own(Lcs):
-    Rule = OwnRule
+class Extra(Lcs):
+    Rule = ExtraRule
 
-    def own(self, config: ReadoutConfig) -> tuple[int, ...]:
+    def extra_constants(self, config: ReadoutConfig) -> tuple[int, ...]:
         return (config.window_period,)
 
 
 def test_settings_of_a_host_keep_a_constant_of_the_encoder_itself() -> None:
-    rule = Own().rule(ReadoutConfig(resolution=6, window_period=7))
+    rule = Extra().rule(ReadoutConfig(resolution=6, window_period=7))
     now = SimpleNamespace(coarser=2, window_period=3, leak_shift=4, leak_period=5)
     found = compiled.with_settings(rule, now)
-    assert (type(found), found.step, found.window_period, found.pause) == (OwnRule, 64, 3, 7)
+    assert (type(found), found.step, found.window_period, found.pause) == (ExtraRule, 64, 3, 7)
     assert found._replace(step=16, closing_step=4, window_period=7, leak_shift=6, leak_period=63) == rule
 
 

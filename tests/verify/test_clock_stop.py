@@ -64,7 +64,13 @@ def test_a_block_that_is_awake_moves(block: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "wire", ["stirs -module eskin_taxel", "taxel_1_stirs -module eskin_row -cell taxel_1", "closing -port B", "awake"]
+    "wire",
+    [
+        "needs_clock -module eskin_taxel",
+        "taxel_1_needs_clock -module eskin_row -cell taxel_1",
+        "closing -port B",
+        "awake",
+    ],
 )
 def test_a_row_that_sleeps_when_it_must_not_is_found(wire: str) -> None:
     row = Row(FEW.replace(encoding="cw-lcs"))
@@ -156,7 +162,7 @@ def test_in_a_readout_at_rest_nothing_else_has_a_clock(case: str) -> None:
 
 WASTE = [
     (Arbiter(PAIR), {"rest": {"event_ready": 0, "row_request": 0}}, "const1 -wire awake -module eskin_arbiter"),
-    (Row(PAIR), {"rest": {"granted": 0} | NO_SAMPLE}, "const1 -wire stirs -module eskin_taxel"),
+    (Row(PAIR), {"rest": {"granted": 0} | NO_SAMPLE}, "const1 -wire needs_clock -module eskin_taxel"),
     (
         Row(CLOSING),
         {"rest": {"granted": 0, "tick": 1, "enable": 3} | NO_SAMPLE, "held": FREE},

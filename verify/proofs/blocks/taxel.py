@@ -28,7 +28,7 @@ class Now:
     # those of this clock
     reference: Value
     half_width: Value
-    asks: Value  # the taxel decides, and a comparator is high, on the scale or off it
+    wants_event: Value  # the taxel decides, and a comparator is high, on the scale or off it
     acts: Value  # the taxel raises an event at the end of this clock
     up: Value  # direction of the step
     then: Value  # the reference after this clock, as an integer of more bits than the scale
@@ -144,15 +144,15 @@ class TaxelChecker(Checker[ReadoutConfig]):
         up = Value.cast(above)
         moved = Mux(up, reference + half_width, reference - half_width)
         top, bottom = config.full_scale << fraction, config.encoder.lowest(config) << fraction
-        asks = decides & (above | below)
-        acts = asks & (moved >= bottom) & (moved < top)
+        wants_event = decides & (above | below)
+        acts = wants_event & (moved >= bottom) & (moved < top)
         leak: Any = 0
         if _leaks(config):
             leak = Mux(free & self.decay, self._shifted(reference + self._floor(self._k), self._k), 0)
             if config.has_polarity:  # a step towards zero replaces the leak
                 leak = Mux(acts & (up == (reference < 0)), 0, leak)
         m.d.comb += then.eq(reference + Mux(acts, Mux(up, half_width, -half_width), 0) - leak)
-        return Now(reference, half_width, asks, acts, up, then)
+        return Now(reference, half_width, wants_event, acts, up, then)
 
     def _floor(self, shift: Any) -> Any:
         return 1 << (shift - 1) if isinstance(shift, int) else (Const(1) << shift) >> 1
@@ -188,7 +188,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
         yield "decides_exactly", self.request == (due & self.enable), self.request & acted
         again = before(m, taken & now.acts, "again")
         yield "asks_again", implies(again & self.enable, self.request), again & self.enable
-        stopped = before(m, now.asks & ~now.acts, "stopped")
+        stopped = before(m, now.wants_event & ~now.acts, "stopped")
         still = now.reference == before(m, now.reference, "u") if not _leaks(self.config) else Const(1)
         yield "ends_do_nothing", implies(stopped, ~self.request & still), stopped
         if self.config.has_polarity:
