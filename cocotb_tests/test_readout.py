@@ -21,8 +21,8 @@ ARRAYS = tuple({"rows": rows, "columns": columns} for rows, columns in SHAPES)
 
 def play(config: ReadoutConfig, program: Build, folder: Path, seed: int = 0) -> None:
     """Play the scenarios of a seed; runs must end both with and without outstanding requests."""
-    again = reproduce(config, program.simulator, seed)
-    tally = play_runs(program, scenario_runs(config, seed, again), folder)
+    repeat_command = reproduce(config, program.simulator, seed)
+    tally = play_runs(program, scenario_runs(config, seed, repeat_command), folder)
     assert tally.runs == scenario_count(config)
     assert tally.events > 0
     assert tally.drained > 0

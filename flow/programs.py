@@ -57,7 +57,7 @@ def icarus(texts: Sequence[str], top: str, folder: Path) -> str:
     return done.stdout
 
 
-class Said(NamedTuple):
+class ToolOutput(NamedTuple):
     """Output of an OpenSTA script."""
 
     text: str
@@ -73,7 +73,7 @@ class Said(NamedTuple):
         return next((line for line in self.text.splitlines() if re.search(pattern, line)), self.text[-300:])
 
 
-def opensta(script: str, files: Mapping[str, str | bytes], folder: Path | None = None) -> Said:
+def opensta(script: str, files: Mapping[str, str | bytes], folder: Path | None = None) -> ToolOutput:
     """Run an OpenSTA script on files, in a folder or in a temporary one."""
     check("sta")
     if folder is None:
@@ -83,4 +83,4 @@ def opensta(script: str, files: Mapping[str, str | bytes], folder: Path | None =
         (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
     (folder / "script.tcl").write_text(f"{script}\nexit\n")
     done = call(folder, "sta", "-no_init", "-no_splash", "-exit", "script.tcl")
-    return Said(done.stdout + done.stderr, done.returncode)
+    return ToolOutput(done.stdout + done.stderr, done.returncode)

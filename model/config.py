@@ -323,7 +323,7 @@ class ReadoutConfig(Configuration):
         _, shift, period = min(candidates)
         return cls(encoding=encoding, sample_rate_hz=1 / ts_s, leak_shift=shift, leak_period=period, **parameters)
 
-    def chosen(self, field: str, **values: Any) -> Any:
+    def lookup(self, field: str, **values: Any) -> Any:
         """Return the entry of a table for the value of a field; raise InputError if the table has no entry."""
         if (value := getattr(self, field)) not in values:
             raise InputError(f"{field} {value!r} is unknown here; known values are {', '.join(values)}")

@@ -53,7 +53,7 @@ class Parameters(NamedTuple):
         return cls(
             leaks=encoder.leaks,
             per_sample=config.decide_every == "sample",
-            digital=config.chosen("frontend", digital=True, analog=False),
+            digital=config.lookup("frontend", digital=True, analog=False),
             columns=config.columns,
             reset=config.reference_reset << bits,
             top=(config.full_scale << bits) - 1,

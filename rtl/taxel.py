@@ -64,7 +64,7 @@ class Taxel(Block[ReadoutConfig]):
     module_name = "eskin_taxel"
 
     def __init__(self, config: ReadoutConfig) -> None:
-        digital, bipolar = config.chosen("frontend", digital=True, analog=False), config.has_polarity
+        digital, bipolar = config.lookup("frontend", digital=True, analog=False), config.has_polarity
         super().__init__(
             config,
             {

@@ -32,7 +32,7 @@ FREE = {"resolution", "scale", "link", "frontend", "reset", "receptive_fields", 
 
 
 @dataclass(frozen=True)
-class ByClasses(Fit):
+class EncoderChoice(Fit):
     """Choice of encoder, resolution and full scale from the training recordings of one fold.
 
     All taxels have a common scale, or each has its own.

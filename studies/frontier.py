@@ -454,7 +454,7 @@ def train_cells(
     experiment: Experiment, data: ScanData, trainings: Sequence[tuple[int, int]], inner: bool, device: str
 ) -> list[dict[str, Any]]:
     """Return the predictions of networks after their last epoch, for pairs of fold and seed."""
-    from eskin.snn.together import train_together
+    from eskin.snn.batched_training import train_together
     from eskin.snn.train import predicted_classes, train
 
     splits = [judged_of(data, fold, seed, inner) for fold, seed in trainings]
@@ -541,10 +541,10 @@ def course_of(network: Any, data: ScanData, images: NDArray[np.int64], device: s
     scans = data.first_scans(images)
     steps = [max(1, round(data.steps * part / PARTS)) for part in range(1, PARTS + 1)]
     logits = np.stack([logits_after(count, network, data, scans, device) for count in steps])
-    return course(np.array(steps) * data.step_s, logits)
+    return answers_over_time(np.array(steps) * data.step_s, logits)
 
 
-def course(times_s: NDArray[np.float64], logits: NDArray[np.floating[Any]]) -> dict[str, Any]:
+def answers_over_time(times_s: NDArray[np.float64], logits: NDArray[np.floating[Any]]) -> dict[str, Any]:
     """Return times, answers and their margins for logits of shape (PARTS, images, classes)."""
     two = np.sort(logits, 2)[:, :, -2:]
     margin = (two[:, :, 1] - two[:, :, 0]).round(2)
@@ -561,7 +561,7 @@ def latency_of(cells: Cells, inner: Cells) -> dict[str, Any]:
     None if no threshold reaches ``WANTED`` in inner validation.
 
     - ``cells``, ``inner``: trainings with test images, and with inner validation images alone, with the fields of
-      ``course``.
+      ``answers_over_time``.
     """
     times_s = np.array(cells[0]["times_s"])
     right, margin = _judged(inner)

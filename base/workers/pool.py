@@ -184,7 +184,7 @@ def _call(work: Callable[..., Any], packed: bytes | None, arguments: tuple[Any, 
     return work(*arguments) if packed is None else work(_unpacked(packed), *arguments)
 
 
-def next_landed(landed: queue.SimpleQueue[Any], pool: WorkerPool) -> Any:
+def next_result(landed: queue.SimpleQueue[Any], pool: WorkerPool) -> Any:
     """Return the next item of a queue filled by callbacks; raise an error if no result can arrive."""
     while True:
         try:
@@ -215,7 +215,7 @@ def each(
                 flying += 1
         if not flying:
             return
-        number, done = next_landed(landed, pool)
+        number, done = next_result(landed, pool)
         flying -= 1
         made[number] = _result(done)
         while wanted in made:

@@ -77,7 +77,7 @@ class ChipScan:
     network: IntegerNetwork
     name: str
     samples: NDArray[Any]
-    again: str  # command that repeats it
+    repeat_command: str  # command that repeats it
     keep: Path  # file for the outputs of the RTL
     metadata: dict[str, Any]  # of this file
     skip: bool = False  # the harness skips the clocks in which the chip is not awake, if it can
@@ -104,10 +104,10 @@ class ChipScan:
         stimulus, (whole, clocks) = self.stimulus, clocks_of(self.config, len(self.samples))
         run = ChipRun.read(self.config.classifier, folder, outcome.left)
         if outcome.errors:
-            raise Mismatch(f"between readout and classifier: {outcome.breaches}; reproduce: {self.again}")
-        model = hold(self.config, self.network, stimulus, run, self.again)
+            raise Mismatch(f"between readout and classifier: {outcome.breaches}; reproduce: {self.repeat_command}")
+        model = hold(self.config, self.network, stimulus, run, self.repeat_command)
         if len(run.classes) != whole:
-            raise Mismatch(f"{len(run.classes)} classes came from {whole} bins; reproduce: {self.again}")
+            raise Mismatch(f"{len(run.classes)} classes came from {whole} bins; reproduce: {self.repeat_command}")
         counts = counts_of(self.config, simulate(self.config.readout, stimulus), whole)
         evidence, _ = self.network.run_counts(counts[None])
         last = run.classes[-1]
@@ -152,7 +152,9 @@ def network_of(chip: ChipConfig) -> IntegerNetwork:
     )
 
 
-def hold(config: ChipConfig, network: IntegerNetwork, stimulus: Stimulus, run: ChipRun, again: str) -> ClassifierRun:
+def hold(
+    config: ChipConfig, network: IntegerNetwork, stimulus: Stimulus, run: ChipRun, repeat_command: str
+) -> ClassifierRun:
     """Compare a run with both models; raise Mismatch at the first difference.
 
     The readout's model receives the clocks in which the classifier was not ready. These clocks are compared with the
@@ -162,11 +164,11 @@ def hold(config: ChipConfig, network: IntegerNetwork, stimulus: Stimulus, run: C
     if not config.polarity:
         expected["p"] = 1
     if (difference := first_difference(expected, run.events(config))) is not None:
-        raise Mismatch(f"events differ\n{difference.describe(('model', 'RTL'))}\nreproduce: {again}")
+        raise Mismatch(f"events differ\n{difference.describe(('model', 'RTL'))}\nreproduce: {repeat_command}")
     offered = list(zip(run.offered.tolist(), run.channel.tolist(), strict=True))
     width = config.classifier.clocks_per_bin
     model = simulate_classifier(network, offered, range(width - 1, stimulus.clocks, width), stimulus.clocks)
-    _same("clock in which the classifier takes an event", model.accepted, run.taken.tolist(), again)
+    _same("clock in which the classifier takes an event", model.accepted, run.taken.tolist(), repeat_command)
     waits = np.concatenate([[0], (run.ready(stimulus.clocks) == 0).cumsum()])
     late = min(model.overruns, default=stimulus.clocks)
     lines = []
@@ -174,7 +176,7 @@ def hold(config: ChipConfig, network: IntegerNetwork, stimulus: Stimulus, run: C
         if clock < stimulus.clocks:
             sums = [mixed(found.potential, found.spikes), mixed(found.output, found.output_spikes)]
             lines.append([clock, found.winner, int(clock > late), int(waits[clock]), *sums, found.evidence.tolist()])
-    _same(f"bin ({OF_A_BIN})", lines, run.classes, again)
+    _same(f"bin ({OF_A_BIN})", lines, run.classes, repeat_command)
     return model
 
 
@@ -186,10 +188,12 @@ def mixed(potentials: NDArray[np.int64], spikes: NDArray[np.int64]) -> int:
     return total
 
 
-def _same(what: str, expected: list[Any], got: list[Any], again: str) -> None:
+def _same(what: str, expected: list[Any], got: list[Any], repeat_command: str) -> None:
     """Raise Mismatch at the first difference between two lists."""
     if expected == got:
         return
     at = next((n for n, (a, b) in enumerate(zip(expected, got, strict=False)) if a != b), min(len(expected), len(got)))
     wanted, found = ([*some, "nothing"][min(at, len(some))] for some in (expected, got))
-    raise Mismatch(f"{what}, number {at}: model {json.dumps(wanted)}, RTL {json.dumps(found)}\nreproduce: {again}")
+    raise Mismatch(
+        f"{what}, number {at}: model {json.dumps(wanted)}, RTL {json.dumps(found)}\nreproduce: {repeat_command}"
+    )

@@ -14,7 +14,7 @@ from eskin.base.files import atomic_write, make_folder
 from eskin.base.workers.pool import MOST_DEATHS
 from eskin.cocotb_tests.bench.stimuli import settled
 from eskin.cocotb_tests.runner.build_cache import BUILD, scratch_folder
-from eskin.cocotb_tests.runner.inputs import Material
+from eskin.cocotb_tests.runner.inputs import Inputs
 from eskin.cocotb_tests.runner.process import ReadoutRun, Tally, play_runs
 from eskin.cocotb_tests.runner.simulator import Build, SimulationDied, build
 from eskin.model.config import ReadoutConfig
@@ -29,7 +29,7 @@ class Scans:
 
     config: ReadoutConfig
     arrays: dict[str, NDArray[Any]]  # image or codes by name
-    again: str  # command that repeats all of them
+    repeat_command: str  # command that repeats all of them
     said: dict[str, dict[str, Any]]  # metadata of the recordings by name
     dataset: str = ""
     preset: str = ""  # empty for recordings
@@ -39,13 +39,19 @@ class Scans:
 
     @classmethod
     def of(
-        cls, material: Material, names: Sequence[str], config: ReadoutConfig, program: Build, again: str, **own: Any
+        cls,
+        material: Inputs,
+        names: Sequence[str],
+        config: ReadoutConfig,
+        program: Build,
+        repeat_command: str,
+        **own: Any,
     ) -> Scans:
         """Return a part of the inputs."""
         said = {name: own | {"proof": material.proof(name, program)} for name, own in material.said(names).items()}
         place = (material.name, material.preset, material.start_row)
         arrays = {name: material.array(name, config) for name in names}
-        return cls(config, arrays, again, said, *place, **own)
+        return cls(config, arrays, repeat_command, said, *place, **own)
 
     def runs(self, keep: Path) -> Iterator[ReadoutRun]:
         """Yield a run for each; the RTL's events go into a folder."""
@@ -59,9 +65,15 @@ class Scans:
             metadata = {"name": name} | own | {"dataset": self.dataset} | scanned
             metadata |= {"ticks": len(stimulus.samples), "proof": self.said[name]["proof"], "source": "rtl"}
             make_folder(keep, Path(name).parent)
-            again, skips = f"{self.again} --only {name}", name in self.skip
+            repeat_command, skips = f"{self.repeat_command} --only {name}", name in self.skip
             yield ReadoutRun(
-                self.config, f"scan of {name}", stimulus, again, skips, keep=keep / f"{name}.npz", metadata=metadata
+                self.config,
+                f"scan of {name}",
+                stimulus,
+                repeat_command,
+                skips,
+                keep=keep / f"{name}.npz",
+                metadata=metadata,
             )
 
 
@@ -74,7 +86,7 @@ def play_part(scans: Scans) -> tuple[Tally, dict[str, bytes]]:
         tally = play_runs(program, scans.runs(events), running)
         return tally, {name: (events / f"{name}.npz").read_bytes() for name in scans.arrays}
 
-    return until_it_lives("replay", play)
+    return retry_after_crash("replay", play)
 
 
 def store(folder: Path, files: dict[str, bytes], on_run: Callable[[], object]) -> None:
@@ -86,7 +98,7 @@ def store(folder: Path, files: dict[str, bytes], on_run: Callable[[], object]) -
         on_run()
 
 
-def until_it_lives(name: str, play: Callable[[Path], T]) -> T:
+def retry_after_crash(name: str, play: Callable[[Path], T]) -> T:
     """Return the result of a simulation, restarted in a new folder after a crash."""
     for _ in range(MOST_DEATHS + 1):
         with scratch_folder(BUILD / "run", name) as running:

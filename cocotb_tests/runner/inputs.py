@@ -41,7 +41,7 @@ class Textures:
         return [texture.name for texture in self.data]
 
     @property
-    def again(self) -> list[str]:
+    def repeat_options(self) -> list[str]:
         """Options of replay that select these textures."""
         place = shlex.quote(self.place or self.name)
         return [
@@ -89,7 +89,7 @@ class Own:
         return [source.name for source in self.recordings.sources]
 
     @property
-    def again(self) -> list[str]:
+    def repeat_options(self) -> list[str]:
         """Options that select these recordings."""
         place = shlex.quote(str(self.place))
         return [f"--data {place}", *own_options(self.recordings.options, self.recordings.scale)]
@@ -117,13 +117,13 @@ class Own:
         return _proof(program, self.start_row, self.recordings.codes[self.names.index(name)])
 
 
-Material = Textures | Own
+Inputs = Textures | Own
 
 
 # -- what of it is played ----------------------------------------------------------------------------
 
 
-def named(material: Material, name: str) -> str:
+def named(material: Inputs, name: str) -> str:
     """Return a name after checking that the inputs contain it."""
     if name not in material.names:
         whose, what = (f"dataset {material.name}", "texture") if material.preset else (material.name, "recording")
@@ -132,7 +132,7 @@ def named(material: Material, name: str) -> str:
 
 
 def chosen(
-    material: Material, limit: int | None = None, only: str | None = None, names: list[str] | None = None
+    material: Inputs, limit: int | None = None, only: str | None = None, names: list[str] | None = None
 ) -> list[str]:
     """Return ``limit`` of the names, evenly spread, or the name ``only``, or all names.
 

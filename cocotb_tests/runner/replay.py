@@ -12,7 +12,7 @@ from eskin.base.files import make_folder
 from eskin.base.workers.cluster import Needs
 from eskin.base.workers.pool import WorkerPool, each
 from eskin.cocotb_tests.runner.chunk import Scans, play_part, store
-from eskin.cocotb_tests.runner.inputs import Material, Textures, chosen
+from eskin.cocotb_tests.runner.inputs import Inputs, Textures, chosen
 from eskin.cocotb_tests.runner.process import Tally
 from eskin.cocotb_tests.runner.reproduce import options
 from eskin.cocotb_tests.runner.simulator import Build, build, require_programs
@@ -37,7 +37,7 @@ class Plan:
     """The inputs to simulate, and the folder for the events."""
 
     config: ReadoutConfig  # configuration from the preset or the recordings
-    material: Material
+    material: Inputs
     names: list[str]  # names of the played material
     out: Path  # folder for the folder of this replay
 
@@ -87,9 +87,9 @@ class Plan:
 
     def scans(self, names: list[str], every_clock: str) -> Scans:
         """Return some of the inputs; ``every_clock`` also plays the idle clocks."""
-        again = " ".join(["eskin replay", *options(self.config), *self.material.again])
+        repeat_command = " ".join(["eskin replay", *options(self.config), *self.material.repeat_options])
         skip = [name for name in names if name != every_clock]
-        return Scans.of(self.material, names, self.config, self.program, again, skip=skip)
+        return Scans.of(self.material, names, self.config, self.program, repeat_command, skip=skip)
 
 
 def plan_textures(

@@ -17,9 +17,9 @@ from eskin.base.errors import InputError
 from eskin.base.files import atomic_write, make_folder
 from eskin.base.progress import reported
 from eskin.cocotb_tests.bench.stimuli import scenario_count, settled
-from eskin.cocotb_tests.runner.chunk import Scans, until_it_lives
+from eskin.cocotb_tests.runner.chunk import Scans, retry_after_crash
 from eskin.cocotb_tests.runner.cocotb_runners import Simulator
-from eskin.cocotb_tests.runner.inputs import Material, Textures, named
+from eskin.cocotb_tests.runner.inputs import Inputs, Textures, named
 from eskin.cocotb_tests.runner.process import Tally, play_runs, scenario_runs
 from eskin.cocotb_tests.runner.reproduce import options, reproduce
 from eskin.cocotb_tests.runner.simulator import build, require_programs
@@ -46,14 +46,14 @@ class Plan:
 
     simulator: Simulator
     waves: bool  # whether a waveform is left
-    material: Material
+    material: Inputs
     names: list[str]  # of the textures or recordings
     ticks: int | None  # sample ticks of a scan at most
     out: Path  # folder for pictures and event files
     scenarios: bool = False
     seed: int = 0  # of the scenarios
     text: str = ""  # Verilog to play instead of the configuration's own: a netlist with its cells, or a user's readout
-    again: str = ""  # options for that text; empty without one
+    repeat_options: str = ""  # options for that text; empty without one
     macros: dict[str, str] | None = None  # further macros of the harness, for a user's readout
     command: str = "sim"  # command that simulates the text
 
@@ -91,12 +91,16 @@ class Plan:
         """Return the command that repeats the runs of a configuration."""
         material = self.material
         if not material.preset:
-            return " ".join(["eskin sim", *options(config), *material.again, f"--ticks {self.ticks or ALL_TICKS}"])
-        again = " ".join([reproduce(config, self.simulator, self.seed, self.command), *filter(None, [self.again])])
+            return " ".join(
+                ["eskin sim", *options(config), *material.repeat_options, f"--ticks {self.ticks or ALL_TICKS}"]
+            )
+        repeat_command = " ".join(
+            [reproduce(config, self.simulator, self.seed, self.command), *filter(None, [self.repeat_options])]
+        )
         if not self.names:
-            return again
+            return repeat_command
         dataset = shlex.quote(str(material.place or material.name))
-        return f"{again.replace(' --textures 0', '')} --dataset {dataset} --ticks {self.ticks or ALL_TICKS}"
+        return f"{repeat_command.replace(' --textures 0', '')} --dataset {dataset} --ticks {self.ticks or ALL_TICKS}"
 
 
 def plan(
@@ -142,7 +146,7 @@ def with_dut(plan: Plan, config: ReadoutConfig, files: Sequence[Path], top: str)
     found = ports_of(text, top)
     macros = {"READOUT": top} | ({"TEST_ENABLE": "1"} if TEST in found else {})
     names = " ".join(f"--dut {shlex.quote(str(file.absolute()))}" for file in files)
-    plan = dataclasses.replace(plan, text=text, again=f"{names} --top {top}", macros=macros)
+    plan = dataclasses.replace(plan, text=text, repeat_options=f"{names} --top {top}", macros=macros)
     if not found:
         return plan
     wanted = {port["name"]: Port(port["direction"], port["width"]) for port in ports(config)}
@@ -179,14 +183,14 @@ def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_st
     on_stage(f"building for {plan.simulator}")
     with reported(f"building {config.rows} x {config.columns} taxels for {plan.simulator}"):
         program = build(config, plan.simulator, waves=plan.waves, text=plan.text, macros=plan.macros)
-    again = plan.reproduce(config)
+    repeat_command = plan.reproduce(config)
     own = {"ticks": plan.ticks, "skip": plan.names[1:]}
-    scans = Scans.of(plan.material, plan.names, config, program, re.sub(" --seed [0-9]+", "", again), **own)
+    scans = Scans.of(plan.material, plan.names, config, program, re.sub(" --seed [0-9]+", "", repeat_command), **own)
     on_stage("RTL against model")
     place = plan.place(config).relative_to(plan.out)
     keep = make_folder(plan.out, place / "events").resolve()
     folder = make_folder(plan.out, place / "run", empty=True)
-    scenarios = scenario_runs(config, plan.seed, again) if plan.scenarios else ()
+    scenarios = scenario_runs(config, plan.seed, repeat_command) if plan.scenarios else ()
     try:
         tally = play_runs(program, itertools.chain(scenarios, scans.runs(keep)), folder, on_run)
     except AssertionError:
@@ -230,11 +234,13 @@ def draw(config: ReadoutConfig, name: str, samples: NDArray[Any], folder: Path, 
 
 def play_samples(config: ReadoutConfig, codes: NDArray[np.int32], simulator: Simulator = "verilator") -> Events:
     """Return the RTL's events for codes, shape (ticks, taxels), after comparison with the model."""
-    program, again = build(config, simulator), " ".join(["eskin sim", *options(config)])
+    program, repeat_command = build(config, simulator), " ".join(["eskin sim", *options(config)])
 
     def play(folder: Path) -> Events:
-        play_runs(program, Scans(config, {"signal": codes}, again, {"signal": {"proof": ""}}).runs(folder), folder)
+        play_runs(
+            program, Scans(config, {"signal": codes}, repeat_command, {"signal": {"proof": ""}}).runs(folder), folder
+        )
         return Recording.load(folder / "signal.npz").events
 
-    events = until_it_lives("signal", play)
+    events = retry_after_crash("signal", play)
     return events[events["t"] < len(codes) * config.clocks_per_sample]

@@ -17,8 +17,8 @@ from eskin.base.errors import InputError
 from eskin.base.files import make_folder, read_arrays
 from eskin.base.workers.pool import WorkerPool, each
 from eskin.cocotb_tests.bench.chip import ChipScan
-from eskin.cocotb_tests.runner.chunk import store, until_it_lives
-from eskin.cocotb_tests.runner.inputs import Material, Own, Textures, chosen
+from eskin.cocotb_tests.runner.chunk import retry_after_crash, store
+from eskin.cocotb_tests.runner.inputs import Inputs, Own, Textures, chosen
 from eskin.cocotb_tests.runner.process import play_runs
 from eskin.cocotb_tests.runner.simulator import Build, build, require_programs
 from eskin.model.classifier.chip_config import ChipConfig
@@ -56,15 +56,15 @@ class Network:
         What it says is described at ``eskin.snn.experiments.trained.said_of_training``.
         """
         weights = IntegerWeights.load(path)
-        again = "quantise again, with result.json of the training beside its weights"
+        advice = "quantise again, with result.json of the training beside its weights"
         said = weights.notes.get("training")
         if not said:
-            raise InputError(f"{path} lacks the readout of its training; {again}")
+            raise InputError(f"{path} lacks the readout of its training; {advice}")
         try:
             readout, dataset, preset, own = (said[key] for key in ("readout", "dataset", "preset", "recordings"))
             tested = dict(said["tested"])
         except (KeyError, TypeError, ValueError):
-            raise InputError(f"the training data in {path} are damaged; {again}") from None
+            raise InputError(f"the training data in {path} are damaged; {advice}") from None
         chip = ChipConfig(readout=ReadoutConfig.from_dict(readout), classifier=weights.network.config)
         owned = None if own is None else OwnReadout.from_dict(own)
         return cls(path, weights, chip, dataset, preset, tested, owned, said.get("wiring"))
@@ -78,24 +78,24 @@ class Part:
     samples: dict[str, NDArray[Any]]  # codes by name
     metadata: dict[str, dict[str, Any]]  # of the results by name
     skip: list[str]  # those for which the harness may skip clocks
-    again: str  # command that repeats all of them
+    repeat_command: str  # command that repeats all of them
 
     def runs(self, chip: ChipConfig, keep: Path) -> Iterator[ChipScan]:
         """Yield a run for each; the results go into a folder."""
         network = dataclasses.replace(IntegerWeights.load(self.network).network, config=chip.classifier)
         for name, samples in self.samples.items():
             make_folder(keep, Path(name).parent)
-            again, place = f"{self.again} ONLY={name}", keep / f"{name}.npz"
-            yield ChipScan(chip, network, name, samples, again, place, self.metadata[name], name in self.skip)
+            repeat_command, place = f"{self.repeat_command} ONLY={name}", keep / f"{name}.npz"
+            yield ChipScan(chip, network, name, samples, repeat_command, place, self.metadata[name], name in self.skip)
 
 
 @dataclass(frozen=True)
 class Plan:
     """The inputs to simulate, and the networks."""
 
-    material: Material
+    material: Inputs
     networks: dict[str, Network]  # networks by name of the image or recording
-    again: str  # the command that plays it again
+    repeat_command: str  # the command that plays it again
     out: Path
 
     @property
@@ -145,7 +145,7 @@ class Plan:
             samples = {name: self.samples(name) for name in names}
             metadata = {name: self._metadata(name, said[name].get("class")) for name in names}
             skip = [name for name in names if name != parts[0][0]]
-            yield Part(self.networks[names[0]].path.resolve(), samples, metadata, skip, self.again)
+            yield Part(self.networks[names[0]].path.resolve(), samples, metadata, skip, self.repeat_command)
 
     def _metadata(self, name: str, true: Any) -> dict[str, Any]:
         network = self.networks[name]
@@ -180,18 +180,18 @@ def plan(weights: Path | None, data: Path | None, dataset: str, limit: int | Non
         networks = _load(weights or SHIPPED / textures.name)
         if (kind := networks[0].preset) is None:
             raise InputError(f"{networks[0].path} was trained on recordings; give recordings with --data")
-        material: Material = Textures(textures, dataset, kind)
+        material: Inputs = Textures(textures, dataset, kind)
     else:
         weights = weights or _network_for(data)
         networks = _load(weights)
         material = _own(networks[0], data)
-    again = [
+    repeat_command = [
         "make touch",
         f"DATA={data}" if data else f"DATASET={dataset}",
         *([f"WEIGHTS={weights}"] if weights else []),
     ]
     names = chosen(material, limit, only, not_learned(material, networks))
-    return Plan(material, choose(material, names, networks), " ".join(again), out)
+    return Plan(material, choose(material, names, networks), " ".join(repeat_command), out)
 
 
 def _network_for(data: Path) -> Path:
@@ -208,7 +208,7 @@ def _network_for(data: Path) -> Path:
     )
 
 
-def not_learned(material: Material, networks: Sequence[Network]) -> list[str]:
+def not_learned(material: Inputs, networks: Sequence[Network]) -> list[str]:
     """Return the inputs that at least one network was not trained on; all inputs if no such input exists."""
     found = [name for name in material.names if any(n.dataset != material.name or name in n.tested for n in networks)]
     return found or material.names
@@ -231,7 +231,7 @@ def _own(network: Network, place: Path) -> Own:
     return Own(network.own.read(place, flat=True), place)
 
 
-def choose(material: Material, names: Sequence[str], networks: Sequence[Network]) -> dict[str, Network]:
+def choose(material: Inputs, names: Sequence[str], networks: Sequence[Network]) -> dict[str, Network]:
     """Return for each name a network that was not trained on it."""
     for network in networks:
         if network.preset != (material.preset or None):
@@ -262,7 +262,7 @@ def play_part(part: Part) -> dict[str, bytes]:
         play_runs(program, part.runs(network.chip, keep), running)
         return {name: (keep / f"{name}.npz").read_bytes() for name in part.samples}
 
-    return until_it_lives("touch", play)
+    return retry_after_crash("touch", play)
 
 
 def play(plan: Plan, pool: WorkerPool, on_run: Callable[[], object]) -> None:

@@ -59,11 +59,16 @@ def prepare(config: ReadoutConfig, path: Path, folder: Path) -> Gates:
         return Gates(written, cells, from_reset(flat, library, Path(scratch)))
 
 
-def play(plan: sim.Plan, gates: Gates, config: ReadoutConfig, again: str, on_stage: Callable[[str], None]) -> Tally:
+def play(
+    plan: sim.Plan, gates: Gates, config: ReadoutConfig, repeat_options: str, on_stage: Callable[[str], None]
+) -> Tally:
     """Simulate all scenarios and scans on a netlist; return the totals. ``again``: options of gatesim."""
     text = "\n".join(path.read_text() for path in (gates.netlist, gates.cells))
     return sim.play(
-        dataclasses.replace(plan, text=text, again=again, command="gatesim"), config, lambda _: None, on_stage
+        dataclasses.replace(plan, text=text, repeat_options=repeat_options, command="gatesim"),
+        config,
+        lambda _: None,
+        on_stage,
     )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from eskin.base.errors import InputError
 from eskin.base.files import write_json
 from eskin.base.outputs import check_file
-from eskin.base.workers.pool import Local, Shared, WorkerPool, next_landed, sentence
+from eskin.base.workers.pool import Local, Shared, WorkerPool, next_result, sentence
 from eskin.skin.textures.dataset import open_dataset
 from eskin.snn.checkpoint import digest
 from eskin.snn.data.coding import events_bps, frames_bps
@@ -210,7 +210,7 @@ def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell) -> 
 
     for seed, run, fold in itertools.product(range(runs[0].seeds), runs, range(runs[0].folds)):
         while flying >= pool.window:
-            take(*next_landed(landed, pool))
+            take(*next_result(landed, pool))
         if not run.ready and not failures:
             progress(run, None)
             try:
@@ -226,7 +226,7 @@ def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell) -> 
             flying += 1
             future.add_done_callback(lambda done, cell=(run, fold, seed): landed.put((*cell, done)))
     while flying:
-        take(*next_landed(landed, pool))
+        take(*next_result(landed, pool))
     if failures:
         others = f" ({len(failures) - 1} more failed)" if len(failures) > 1 else ""
         raise InputError(f"{failures[0]}{others}")

@@ -14,7 +14,7 @@ from eskin.skin.recordings.folder import RecordingSet, read_set, sources_of
 from eskin.skin.recordings.options import FINGER, Preparation
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.scans import load_recordings
-from eskin.snn.encoder_choice import ByClasses, _statistics
+from eskin.snn.encoder_choice import EncoderChoice, _statistics
 from eskin.snn.experiments.single import Fold
 from eskin.snn.reference import event_statistics
 from tests.skins import counts, write_csv, write_skin, write_uneven
@@ -22,7 +22,7 @@ from tests.skins import counts, write_csv, write_skin, write_uneven
 FIRST = Preparation(baseline="first")
 
 
-def chosen(fit: ByClasses, place: Path = Path("skin"), **given: Any) -> RecordingSet:
+def chosen(fit: EncoderChoice, place: Path = Path("skin"), **given: Any) -> RecordingSet:
     return read_set(place, FIRST, ReadoutConfig(**{"resolution": 4} | given), given, fit=fit)
 
 
@@ -32,7 +32,7 @@ def test_it_learns_from_the_training_recordings_of_the_fold_alone(folder: Path) 
     sources, _ = sources_of(Path("skin"))
     names = [source.name for source in sources]
     for test, fold in ((None, Fold.choose(data, 1, 5)), ("*/[02]", Fold.named(data, "*/[02]"))):
-        fit = ByClasses(fold=1, folds=5, test=test)
+        fit = EncoderChoice(fold=1, folds=5, test=test)
         learned = fit.learned(names, [str(source.class_name) for source in sources], names)
         assert [names[number] for number in learned] == [data.names[image] for image in fold.images]
     before = chosen(fit)
@@ -51,14 +51,14 @@ def test_it_takes_the_cheapest_of_the_accurate_encoders(folder: Path) -> None:
             phase = np.random.default_rng([len(kind), number]).random()
             values = 1000 * np.abs((slope * time_s + phase) % 2 - 1)
             write_csv(folder / f"skin/{kind}/{number}.csv", np.repeat(values[:, None], 2, axis=1))
-    found = chosen(ByClasses(folds=3))
+    found = chosen(EncoderChoice(folds=3))
     assert any("finds the class of 100% of 8 training recordings" in note for note in found.notes)
     assert any("with the best of 36 settings" in note for note in found.notes), "N-LCS cannot represent such signals"
     assert found.config.resolution == min(RESOLUTIONS), "every setting finds the classes, and this has fewest events"
 
 
 def test_of_encoders_that_find_all_classes_the_one_with_fewest_bits_is_taken() -> None:
-    found = read_set(FINGER, Preparation(), ReadoutConfig(), fit=ByClasses())
+    found = read_set(FINGER, Preparation(), ReadoutConfig(), fit=EncoderChoice())
     assert any(
         "encoder cw-lcs with 3 b and a common scale, 271 bit/s" in note
         and " of 100% with the best of 48 settings" in note
@@ -68,7 +68,7 @@ def test_of_encoders_that_find_all_classes_the_one_with_fewest_bits_is_taken() -
 
 def test_taxels_of_very_different_ranges_have_a_scale_each(folder: Path) -> None:
     write_uneven(folder / "skin", each=6)
-    fit = ByClasses(folds=3)
+    fit = EncoderChoice(folds=3)
     found = chosen(fit)
     assert any("b and a scale per taxel, " in note and "finds the class of 100% of 8 " in note for note in found.notes)
     names = [source.name for source in found.sources]
@@ -109,7 +109,7 @@ def test_encoders_are_compared_by_the_statistics_that_train_prints(folder: Path)
 
 def test_given_fields_stay(folder: Path) -> None:
     write_skin(folder / "skin", taxels=4, each=4)
-    fit = ByClasses(folds=2)
+    fit = EncoderChoice(folds=2)
     assert chosen(fit, encoding="cw-lcs").config.encoding == "cw-lcs"
     assert chosen(fit, resolution=7).config.resolution == 7
     assert chosen(fit, leak_shift=5).config.encoding == "lcs"
@@ -120,11 +120,11 @@ def test_given_fields_stay(folder: Path) -> None:
 
 def test_a_class_with_fewer_recordings_than_folds_has_fewer_folds(folder: Path) -> None:
     write_skin(folder / "skin", taxels=4, each=3)
-    assert chosen(ByClasses(folds=6)).config == chosen(ByClasses(folds=3)).config
+    assert chosen(EncoderChoice(folds=6)).config == chosen(EncoderChoice(folds=3)).config
     with pytest.raises(InputError, match=r"fold must be in 0\.\.2, not 4"):
-        chosen(ByClasses(fold=4, folds=6))
+        chosen(EncoderChoice(fold=4, folds=6))
 
 
 def test_too_few_recordings_leave_the_encoder(folder: Path) -> None:
     write_skin(folder / "skin", taxels=4, each=2)
-    assert any(note.startswith("resolution ") for note in chosen(ByClasses(folds=2)).notes)
+    assert any(note.startswith("resolution ") for note in chosen(EncoderChoice(folds=2)).notes)

@@ -12,13 +12,13 @@ import pytest
 from eskin.base.errors import InputError
 from eskin.base.files import Pieces, plain
 from eskin.skin.textures.choice import choose
+from eskin.snn.batched_training import train_together
 from eskin.snn.data.folds import stratified_folds
 from eskin.snn.data.scans import Split
 from eskin.snn.experiments import intervals
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.points import load_sweep
 from eskin.snn.network_config import NetworkConfig
-from eskin.snn.together import train_together
 from eskin.snn.train import logits_of, train
 from studies import fig9, frontier
 from studies.frontier import SWEEPS, TITLES, Frontier, Point, draw_frontier, frame_candidates, frontier_data, points_of
@@ -187,7 +187,7 @@ def test_early_answers_wait_for_the_margin_that_inner_validation_needs() -> None
     def cell(*images: tuple[int, list[list[float]]]) -> dict[str, Any]:
         """Return a training for the label and the logits over time of each image."""
         logits = np.array([course for _, course in images]).transpose(1, 0, 2)
-        return {"labels": [label for label, _ in images], **frontier.course(times, logits)}
+        return {"labels": [label for label, _ in images], **frontier.answers_over_time(times, logits)}
 
     sure, late = (1, [[0, 2], [0, 3], [0, 4]]), (0, [[0, 1], [1, 0], [3, 0]])
     found = frontier.latency_of([cell(sure, late)], [cell(sure, late)])

@@ -12,7 +12,7 @@ from eskin.verify.proofs.bench import rtlil_of
 from eskin.verify.proofs.engine import solve
 from eskin.verify.proofs.mutants import mutants
 from eskin.verify.proofs.plan import proofs
-from eskin.verify.proofs.run import FEWEST_MUTANTS, Hunt, hunts, judge, outcomes, write
+from eskin.verify.proofs.run import FEWEST_MUTANTS, MutantRun, hunts, judge, outcomes, write
 
 ROOT = Path(__file__).parents[2]
 PROOFS = proofs()
@@ -62,10 +62,10 @@ def test_more_are_drawn_until_every_property_has_its_mutants_and_a_stopped_searc
     names = LINK.checker(LINK.config).proved
     asked = []
 
-    def fake(proof: object, seed: int) -> Hunt:
+    def fake(proof: object, seed: int) -> MutantRun:
         asked.append(seed)
         failed = names if seed == 2 else names[1:]
-        return Hunt("link", LINK.size, seed, {f"{seed} {number}": failed for number in range(FEWEST_MUTANTS)})
+        return MutantRun("link", LINK.size, seed, {f"{seed} {number}": failed for number in range(FEWEST_MUTANTS)})
 
     monkeypatch.setattr(run, "hunt", fake)
     out = tmp_path / "found.json"
@@ -81,7 +81,7 @@ def test_a_property_that_too_few_mutants_break_is_a_failure() -> None:
     results = outcomes([(LINK, solve(LINK.checker(LINK.config), LINK.depth))], whole=False)
     names = [outcome.name for outcome in results]
     kills = {f"mutant {number}": names[: 1 if number else None] for number in range(FEWEST_MUTANTS)}
-    judge(results, [Hunt("link", LINK.size, 0, kills | {"survivor": []})])
+    judge(results, [MutantRun("link", LINK.size, 0, kills | {"survivor": []})])
     assert results[0].problems == []
     assert results[0].mutants == FEWEST_MUTANTS
     assert all(outcome.problems == ["fails by only 1 of 4 generated mutants"] for outcome in results[1:])
@@ -91,7 +91,7 @@ def test_one_block_again_keeps_the_results_of_the_others(tmp_path: Path) -> None
     path = tmp_path / "formal.json"
     proof = next(proof for proof in PROOFS if proof.block == "relay" and proof.small)
     of = {p.block: outcomes([(p, solve(p.checker(p.config), p.depth))], whole=False) for p in (LINK, proof)}
-    hunted = [Hunt(block, "any", 0, {"mutant": ["in_order"], "survivor": []}) for block in of]
+    hunted = [MutantRun(block, "any", 0, {"mutant": ["in_order"], "survivor": []}) for block in of]
     write([*of["link"], *of["relay"]], hunted, path, "make formal")
     whole = json.loads(path.read_text())
     of["link"][0].problems.append("fails")

@@ -14,7 +14,7 @@ from eskin.model.classifier.run import first_ready, simulate
 from eskin.rtl.classifier import core
 from eskin.verify.faults.bench import NUMBER_BITS, bench_gates, channel_of, inside
 from eskin.verify.faults.gates import last_clock, upset_runs
-from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, WRITTEN, UnlikeModel, Upset, since, told
+from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, WRITTEN, UnlikeModel, Upset, classify_effects, since
 from eskin.verify.faults.scenario import RESET
 
 GOES_ON = ("class_valid", "event_ready")
@@ -66,7 +66,7 @@ def upsets(config: ClassifierConfig, stride: int, flops: str) -> Iterator[Upset]
         changed = np.array([values != right for values in found])
         effects = {NEVER: never, WRITTEN: stays | stops, CHANGED: changed, MOVED: last >= 0}
         may_stay = np.array([MEMORY.match(name) is not None for _, name in part]) & ~stops
-        yield from told(part, effects, "classifier.", other_clocks=since(part, last), may_stay=may_stay)
+        yield from classify_effects(part, effects, "classifier.", other_clocks=since(part, last), may_stay=may_stay)
 
 
 def _seen(outputs: dict[str, NDArray[np.int64]]) -> list[NDArray[np.int64]]:

@@ -11,7 +11,7 @@ from eskin.model.frame_config import FrameConfig
 from eskin.rtl.frame import FrameReadout
 from eskin.verify.faults.bench import ADC_CLOCKS, bench_gates, inside
 from eskin.verify.faults.gates import last_clock, upset_runs
-from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, UnlikeModel, Upset, told
+from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, UnlikeModel, Upset, classify_effects
 from eskin.verify.faults.scenario import RESET
 
 FRAMES, UPSET_FRAMES = 7, 3
@@ -39,7 +39,9 @@ def upsets(config: FrameConfig, stride: int, flops: str) -> Iterator[Upset]:
         moved = (words[:, 1:] != words[:, :1]).any(axis=0)
         lost, last = wrong.sum(axis=0), last_clock(wrong)  # frames
         ticks = np.where(lost, last - [(clock - RESET) // period for clock, _ in part], -1)
-        yield from told(part, {NEVER: last >= FRAMES - 2, CHANGED: lost > 0, MOVED: moved}, ticks=ticks, lost=lost)
+        yield from classify_effects(
+            part, {NEVER: last >= FRAMES - 2, CHANGED: lost > 0, MOVED: moved}, ticks=ticks, lost=lost
+        )
 
 
 def _inputs(config: FrameConfig, period: int) -> dict[str, NDArray[np.uint8]]:

@@ -16,7 +16,18 @@ from eskin.model.registers.spi import HIGH_CLOCKS, LOW_CLOCKS, LOW_CLOCKS_TO_REA
 from eskin.rtl.readout import Readout
 from eskin.verify.faults.bench import bench_gates, inside
 from eskin.verify.faults.gates import last_clock, upset_runs
-from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, WRITTEN, UnlikeModel, Upset, counted, since, slack, told
+from eskin.verify.faults.outcomes import (
+    CHANGED,
+    MOVED,
+    NEVER,
+    WRITTEN,
+    UnlikeModel,
+    Upset,
+    classify_effects,
+    counted,
+    since,
+    slack,
+)
 from eskin.verify.faults.scenario import RESET, codes_of, events_of, inputs_of, pause_of, swings
 
 HOST = r"(host|ticks)\."
@@ -81,7 +92,7 @@ def upsets(config: ReadoutConfig, mode: int, stride: int, flops: str) -> Iterato
             for (clock, name), stopped in zip(part, stops, strict=True)
         ]
         effects = {NEVER: never, WRITTEN: stays, CHANGED: changed, MOVED: last >= 0}
-        yield from told(part, effects, other_clocks=since(part, last), may_stay=np.array(may_stay))
+        yield from classify_effects(part, effects, other_clocks=since(part, last), may_stay=np.array(may_stay))
 
 
 def _more(config: ReadoutConfig, codes: NDArray[np.int16]) -> NDArray[np.int64]:

@@ -11,7 +11,7 @@ from eskin.rtl.tiles import merge as rtl_merge
 from eskin.rtl.tiles import relay
 from eskin.verify.faults.bench import FIELDS, NUMBER_BITS, bench_gates, inside
 from eskin.verify.faults.gates import last_clock, upset_runs
-from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, UnlikeModel, Upset, missing, since, told
+from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, UnlikeModel, Upset, classify_effects, missing, since
 from eskin.verify.faults.scenario import RESET
 
 LOADED, PAUSE, AGAIN = 160, 120, 120
@@ -40,7 +40,7 @@ def upsets(config: TilesConfig, stride: int, flops: str) -> Iterator[Upset]:
         lost, added = missing(more), missing(-more)
         effects = {NEVER: differs[-AGAIN:].any(axis=0), CHANGED: lost + added > 0, MOVED: last >= 0}
         place = "relay." if config.relays else "merge."
-        yield from told(part, effects, place, other_clocks=since(part, last), lost=lost, added=added)
+        yield from classify_effects(part, effects, place, other_clocks=since(part, last), lost=lost, added=added)
 
 
 def _inputs(config: TilesConfig) -> dict[str, NDArray[np.uint8]]:

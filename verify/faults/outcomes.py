@@ -66,7 +66,9 @@ class UnlikeModel(AssertionError):
     """Raised if the run without bit flips differs from the model."""
 
 
-def told(part: Flips, effects: dict[str, NDArray[Any]], place: str = "", /, **fields: NDArray[Any]) -> Iterator[Upset]:
+def classify_effects(
+    part: Flips, effects: dict[str, NDArray[Any]], place: str = "", /, **fields: NDArray[Any]
+) -> Iterator[Upset]:
     """Yield the outcome of each bit flip: the first effect that its run has, or ``NOTHING``.
 
     ``effects`` has the runs with each effect, from the largest effect on. ``fields`` has other fields of the outcomes
@@ -130,7 +132,7 @@ def _judged(
     lost, added = missing(others), missing(-others)
     effects = {NEVER: never, CHANGED: lost + added > 0, MOVED: other_last >= 0, OWN: own_last >= 0}
     times = {"own_clocks": since(part, own_last), "other_clocks": since(part, other_last), "ticks": ticks}
-    yield from told(part, effects, **times, lost=lost, added=added, off=off)
+    yield from classify_effects(part, effects, **times, lost=lost, added=added, off=off)
 
 
 def missing(more: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -102,7 +102,7 @@ def closing_line(problems: Collection[list[str]]) -> str:
 
 
 @dataclass(frozen=True)
-class Hunt:
+class MutantRun:
     """Mutants of a block in one configuration, and the properties that each violates."""
 
     block: str
@@ -117,14 +117,14 @@ class Hunt:
         return sum(bool(failed) for failed in self.mutants.values())
 
 
-def hunt(proof: Proof, seed: int) -> Hunt:
+def hunt(proof: Proof, seed: int) -> MutantRun:
     """Generate mutants of a block in one configuration, and find the properties that each violates."""
     checker = proof.checker(proof.config)
     found = {
         mutant.name: sorted(solve(checker, proof.depth, 0, mutant.rtlil, cases=False).failed)
         for mutant in mutants(checker, DRAWN, seed)
     }
-    return Hunt(proof.block, proof.size, seed, found)
+    return MutantRun(proof.block, proof.size, seed, found)
 
 
 def fingerprint(proof: Proof) -> str:
@@ -132,25 +132,25 @@ def fingerprint(proof: Proof) -> str:
     return hashlib.sha256(design(proof.checker(proof.config))[0].encode()).hexdigest()[:16]
 
 
-def hunts(block: str, proofs: Iterable[Proof], pieces: Pieces) -> Iterator[Hunt]:
+def hunts(block: str, proofs: Iterable[Proof], pieces: Pieces) -> Iterator[MutantRun]:
     """Generate and test mutants in every configuration of a block.
 
     What ``pieces`` hold of the same design is taken from there.
     """
-    grounds = [proof for proof in proofs if proof.block == block and proof.hunts]
+    proofs_to_mutate = [proof for proof in proofs if proof.block == block and proof.hunts]
     count: Counter[str] = Counter()
     for seed in range(MOST_DRAWS):
-        for proof in grounds:
+        for proof in proofs_to_mutate:
             names = proof.checker(proof.config).proved
             if seed and all(count[name] >= FEWEST_MUTANTS for name in names):
                 continue
             name = f"{proof.block} {proof.size} {proof.depth} {seed} {fingerprint(proof)}"
-            found = Hunt(**pieces.of(name, lambda p=proof, s=seed: {"hunt": asdict(hunt(p, s))})["hunt"])  # type: ignore[misc]
+            found = MutantRun(**pieces.of(name, lambda p=proof, s=seed: {"hunt": asdict(hunt(p, s))})["hunt"])  # type: ignore[misc]
             count.update(name for failed in found.mutants.values() for name in failed)
             yield found
 
 
-def judge(results: list[Outcome], found: Iterable[Hunt]) -> None:
+def judge(results: list[Outcome], found: Iterable[MutantRun]) -> None:
     """Count the mutants that violate each property; a property violated by too few mutants fails."""
     of = {outcome.name: outcome for outcome in results}
     drawn = 0
@@ -163,7 +163,7 @@ def judge(results: list[Outcome], found: Iterable[Hunt]) -> None:
             outcome.problems.append(f"fails by only {outcome.mutants} of {drawn} generated mutants")
 
 
-def mutants_line(results: list[Outcome], found: list[Hunt]) -> str:
+def mutants_line(results: list[Outcome], found: list[MutantRun]) -> str:
     """Return a line with the numbers of generated and killed mutants."""
     drawn, killed = sum(len(one.mutants) for one in found), sum(one.killed for one in found)
     fewest = min(outcome.mutants for outcome in results)
@@ -179,7 +179,7 @@ def earlier(path: Path | None) -> dict[str, Any]:
     return found
 
 
-def write(results: list[Outcome], found: list[Hunt], path: Path, command: str, block: str = "") -> None:
+def write(results: list[Outcome], found: list[MutantRun], path: Path, command: str, block: str = "") -> None:
     """Write the results of properties and mutants with command, commit and date.
 
     If one ``block`` alone was proved, the file keeps its results of other blocks.

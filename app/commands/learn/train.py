@@ -57,9 +57,9 @@ def train(
     check_device(device, threads)
     if fold >= folds:
         raise InputError(f"fold must be in 0..{folds - 1}, not {fold}")
-    from eskin.snn.encoder_choice import ByClasses
+    from eskin.snn.encoder_choice import EncoderChoice
 
-    made: Experiment = make(ByClasses(fold=fold, folds=folds, test=test))
+    made: Experiment = make(EncoderChoice(fold=fold, folds=folds, test=test))
     if made.grid is not None:
         raise InputError("train needs a single value of each setting; use --set, or give the grid to crossval or sweep")
     chosen_out, out = out, out or OUT

@@ -148,7 +148,7 @@ def _conclude_touch(plan: TouchPlan, now: dict[str, Any], noun: str) -> None:
     summary = summarise(plan)
     if summary["missing"] or not summary["events"]:
         common.fail(f"FAILED: {summary['missing']} results are missing, {summary['events']} events")
-    summary = origin(plan.again) | summary | {"played_now": now}
+    summary = origin(plan.repeat_command) | summary | {"played_now": now}
     for name, answer in list(summary["answers"].items())[:MOST_LINES]:
         judged = "" if answer["true"] is None else ", right" if answer["class"] == answer["true"] else ", wrong"
         echo(f"{name}: {answer['class']}{judged}")

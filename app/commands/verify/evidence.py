@@ -43,7 +43,7 @@ def formal(
         said = verdicts[-1][1]
         print(f"{proof.block:<15}{proof.size:<28}{len(said.proved):>3} proved{said.seconds:>7.1f} s", flush=True)
     results = run.outcomes(verdicts, whole=not small)
-    pieces, found = Pieces(out, run.YOSYS), list[run.Hunt]()
+    pieces, found = Pieces(out, run.YOSYS), list[run.MutantRun]()
     for name in sorted({proof.block for proof in chosen}) if mutants else []:
         of_block = []
         for one in run.hunts(name, _chosen(name, small=False), pieces):
