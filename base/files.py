@@ -180,10 +180,10 @@ def origin(command: str) -> dict[str, str]:
     return {"command": command, "commit": commit, "date": datetime.date.today().isoformat()}
 
 
-MOST_TEXT_BYTES = 2**28  # largest text file; a device may never end
+MAX_TEXT_BYTES = 2**28  # largest text file; a device may never end
 
 
-def read_bytes(path: Path, what: str, most: int = MOST_TEXT_BYTES) -> bytes:
+def read_bytes(path: Path, what: str, most: int = MAX_TEXT_BYTES) -> bytes:
     """Return the content of a file; raise InputError if it may never end or is longer than ``most`` bytes."""
     check_ends(path)
     with path.open("rb") as file:
@@ -222,14 +222,14 @@ def _whole(text: str) -> int:
     return int(text)
 
 
-MOST_UNPACKED = 2**30  # largest content of a compressed file; a few kilobytes can claim any number
+MAX_UNPACKED = 2**30  # largest content of a compressed file; a few kilobytes can claim any number
 
 
 def check_unpacked(archive: zipfile.ZipFile) -> None:
-    """Check that an archive unpacks to at most ``MOST_UNPACKED`` bytes."""
+    """Check that an archive unpacks to at most ``MAX_UNPACKED`` bytes."""
     size = sum(member.file_size for member in archive.infolist())
-    if size > MOST_UNPACKED:
-        raise InputError(f"claims {size / 2**20:.0f} MiB of data, more than {MOST_UNPACKED // 2**20}, and is refused")
+    if size > MAX_UNPACKED:
+        raise InputError(f"claims {size / 2**20:.0f} MiB of data, more than {MAX_UNPACKED // 2**20}, and is refused")
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], compressed: bool = False) -> None:
@@ -256,7 +256,7 @@ def read_arrays(path: Path, kind: str, remedy: str) -> dict[str, NDArray[Any]]:
     check_ends(path)
     try:
         with path.open("rb") as file:
-            seekable = file if path.is_file() else io.BytesIO(file.read(MOST_UNPACKED))
+            seekable = file if path.is_file() else io.BytesIO(file.read(MAX_UNPACKED))
             archive = zipfile.ZipFile(seekable)
             check_unpacked(archive)
             members = {name: io.BytesIO(archive.read(name)) for name in archive.namelist()}  # verifies the checksums

@@ -16,9 +16,9 @@ OUT = Path("out")
 """Default output folder of the commands, created if missing."""
 
 PART = ".part"  # ending of a file that is being written
-MOST_NAME = 255  # largest number of bytes in the name of a file or folder
-_MOST_LINKS = 40
-_PREFIX = 60  # characters of a name in the name of its temporary file, which fits into ``MOST_NAME`` bytes
+MAX_NAME = 255  # largest number of bytes in the name of a file or folder
+_MAX_LINKS = 40
+_PREFIX = 60  # characters of a name in the name of its temporary file, which fits into ``MAX_NAME`` bytes
 
 
 def file_of(path: Path) -> Path:
@@ -100,7 +100,7 @@ def has_earlier(path: Path | None) -> bool:
 
 
 def _behind_links(path: Path) -> Path:
-    for _ in range(_MOST_LINKS):
+    for _ in range(_MAX_LINKS):
         if is_stream(path) or not path.is_symlink():
             return path
         path = path.parent / os.readlink(path)
@@ -160,8 +160,8 @@ def _mode(path: Path) -> int:
 def _check_length(path: Path) -> None:
     """Check that a file name is not too long for the file system."""
     for part in path.parts:
-        if len(os.fsencode(part)) > MOST_NAME:
-            raise InputError(f"cannot write {part[:40]}...: the name has more than {MOST_NAME} bytes; shorten it")
+        if len(os.fsencode(part)) > MAX_NAME:
+            raise InputError(f"cannot write {part[:40]}...: the name has more than {MAX_NAME} bytes; shorten it")
 
 
 def _nearest(folder: Path) -> Path:

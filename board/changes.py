@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.board.serial_frames import MOST_PAYLOAD, Kind
+from eskin.board.serial_frames import MAX_PAYLOAD, Kind
 from eskin.model.config import ReadoutConfig
 
 JUMP_BITS = 3  # number of ones before a whole code; fewer ones and a zero stand for a step or for no change
-MOST_TICKS = 255
-MOST_BITS = 8 * (MOST_PAYLOAD - 1)  # of all ticks of a frame; the first byte is their number
+MAX_TICKS = 255
+MAX_BITS = 8 * (MAX_PAYLOAD - 1)  # of all ticks of a frame; the first byte is their number
 BLOCK_TICKS = 4096  # ticks that are coded at once
 
 
@@ -54,7 +54,7 @@ class ChangeCoder:
         jumps = np.abs(moved) > 1
         steps = (moved != 0) & ~jumps
         most = (1 + 2 * steps + (2 + self.bits) * jumps).sum(1)
-        whole = most > min(MOST_BITS, 16 * codes.shape[1])
+        whole = most > min(MAX_BITS, 16 * codes.shape[1])
         turns = steps & (self._directions(moved, steps & ~whole[:, None]) != (moved < 0))
         length = 1 + 1 * steps + 1 * turns + (JUMP_BITS - 1 + self.bits) * jumps
         raw = (1 << JUMP_BITS) - 1 | (codes & (1 << self.bits) - 1) << JUMP_BITS
@@ -83,7 +83,7 @@ def _frames(
     for tick in range(len(ends) + 1):
         here = begun if tick == 0 else int(ends[tick - 1])  # where the bits of this tick begin
         last = tick == len(ends)
-        if tick > first and (last or whole[tick] or tick - first == MOST_TICKS or int(ends[tick]) - begun > MOST_BITS):
+        if tick > first and (last or whole[tick] or tick - first == MAX_TICKS or int(ends[tick]) - begun > MAX_BITS):
             bits = np.packbits(stream[begun:here], bitorder="little").tobytes()
             yield Part(Kind.CHANGES, bytes([tick - first]) + bits, tick - first)
             first, begun = tick, here
@@ -94,6 +94,6 @@ def _frames(
 
 def whole_tick(codes: NDArray[Any]) -> Iterator[Part]:
     """Yield the frames of one tick, with 16 bits for each sample."""
-    size = MOST_PAYLOAD // 2
+    size = MAX_PAYLOAD // 2
     for at in range(0, len(codes), size):
         yield Part(Kind.SAMPLES, codes[at : at + size].astype("<i2").tobytes(), int(at + size >= len(codes)))

@@ -23,8 +23,8 @@ OFF_FLAG = 1 << ADDRESS_BITS - 1
 
 BOTH_FLAG = OFF_FLAG >> 1  # bit of the address that two simultaneous requests set; no chip should send them
 LEAST_CLOCKS = 4  # clocks of a bit on the serial line
-MOST_CLASSES = 64
-MOST_WORDS = 1 << 16
+MAX_CLASSES = 64
+MAX_WORDS = 1 << 16
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,10 +83,10 @@ class BoardConfig(Configuration):
             raise InputError(f"a board has at most {1 << ADDRESS_BITS} channels, not {classifier.inputs}")
         if readout.sample_bits > 16:
             raise InputError(f"a board takes samples of at most 16 bits, not {readout.sample_bits}")
-        if max(classifier.weight_words, classifier.neuron_words) > MOST_WORDS:
-            raise InputError(f"a board loads at most {MOST_WORDS} words of weights, not {classifier.weight_words}")
-        if classifier.classes > MOST_CLASSES:
-            raise InputError(f"a board has at most {MOST_CLASSES} classes, not {classifier.classes}")
+        if max(classifier.weight_words, classifier.neuron_words) > MAX_WORDS:
+            raise InputError(f"a board loads at most {MAX_WORDS} words of weights, not {classifier.weight_words}")
+        if classifier.classes > MAX_CLASSES:
+            raise InputError(f"a board has at most {MAX_CLASSES} classes, not {classifier.classes}")
 
     @property
     def design(self) -> Design:

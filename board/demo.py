@@ -39,7 +39,7 @@ TEXTURES_NETWORK, FINGER_NETWORK = "embedded/fold-1.npz", "finger/fold-0.npz"
 """Networks of the package ``model``; the demo plays textures and recordings outside their training sets."""
 
 LEAST_S = 6.0  # a shorter recording is slowed down to this time
-MOST_WINDOW_S = 10.0
+MAX_WINDOW_S = 10.0
 PATIENCE_S = 120.0  # longest computation of the model before its board must answer
 BUFFER_BYTES = 1 << 22  # buffer of the simulated board: the host sends a whole recording ahead
 POINTS, LINES = 400, 64  # largest number of points and lines of the signals on the page
@@ -248,7 +248,7 @@ def play(
         view.loading = name
         codes, piece = show.load(name)
         piece = replace(piece, speed=speed or min(1.0, piece.seconds / LEAST_S))
-        view.begin(piece, min(piece.seconds, MOST_WINDOW_S))
+        view.begin(piece, min(piece.seconds, MAX_WINDOW_S))
         yield _play_one(show, view, codes, sender)
         if sender:
             sender.begins_us += round(piece.seconds * 1e6)

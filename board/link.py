@@ -15,7 +15,7 @@ from eskin.board.records import VALUE_BITS, Ack, Feature, Reason, Record, Record
 from eskin.board.serial_frames import Damaged, Frame, FrameReader, Kind
 
 POLL_S = 0.05
-MOST_S = 600.0  # longest execution of a frame while records arrive: a RUN may give millions of events
+MAX_S = 600.0  # longest execution of a frame while records arrive: a RUN may give millions of events
 WORD_BYTES = 4
 
 WHY: dict[int, str] = {
@@ -93,7 +93,7 @@ class Link:
         frame = Frame(kind, self._sequence, payload)
         self._sequence = (self._sequence + 1) % 256
         room = self.said["buffer_bytes"] - frame.cost
-        self._until(lambda: sum(f.cost for f in self._waiting) <= max(room, 0), MOST_S)
+        self._until(lambda: sum(f.cost for f in self._waiting) <= max(room, 0), MAX_S)
         self._waiting.append(frame)
         self._write(frame)
         while not self._came.empty():
@@ -117,7 +117,7 @@ class Link:
         """Number of frames that the board has not yet acknowledged."""
         return len(self._waiting)
 
-    def wait(self, seconds: float = MOST_S) -> None:
+    def wait(self, seconds: float = MAX_S) -> None:
         """Wait until the board has executed all frames; raise InputError if a frame takes longer than ``seconds``."""
         self._until(lambda: not self._waiting, seconds)
 

@@ -7,8 +7,8 @@ from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
 from eskin.base.errors import InputError
-from eskin.board.config import ADDRESS_BITS, DESIGNS, MOST_CLASSES, BoardConfig
-from eskin.board.serial_frames import MOST_PAYLOAD
+from eskin.board.config import ADDRESS_BITS, DESIGNS, MAX_CLASSES, BoardConfig
+from eskin.board.serial_frames import MAX_PAYLOAD
 from eskin.model.classifier.run import ClassifierRun
 
 TIME_BITS = 16  # low bits of the time in a record; a separate record carries the high bits when they change
@@ -70,8 +70,8 @@ RANGES = {
     "clock_hz": (1000, 10**9),
     "buffer_bytes": (512, 2**24),
     "channels": (1, 1 << ADDRESS_BITS),
-    "classes": (0, MOST_CLASSES),
-    "word_bytes": (0, MOST_PAYLOAD - 3),
+    "classes": (0, MAX_CLASSES),
+    "word_bytes": (0, MAX_PAYLOAD - 3),
 }
 """Least and largest number in the description of a board."""
 

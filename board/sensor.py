@@ -9,8 +9,8 @@ from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 
 PartName = Literal["mcp3008", "mcp3208", "ads7953"]
-MOST_ROWS = 16  # rows that the header of the board can drive
-MOST_SETTLE_S = 0.01
+MAX_ROWS = 16  # rows that the header of the board can drive
+MAX_SETTLE_S = 0.01
 
 
 class Part(NamedTuple):
@@ -50,7 +50,7 @@ class SensorConfig(Configuration):
 
     def __post_init__(self) -> None:
         self._check_types()
-        self._check_range("settle_s", 0, MOST_SETTLE_S)
+        self._check_range("settle_s", 0, MAX_SETTLE_S)
 
     def _label(self, name: str) -> str:
         return "the converter" if name == "part" else name
@@ -62,8 +62,8 @@ class SensorConfig(Configuration):
                 f"{self.part} has {PARTS[self.part].channels} channels, one for each column; take another converter "
                 f"for {readout.columns} columns"
             )
-        if readout.rows > MOST_ROWS:
-            raise InputError(f"a board drives at most {MOST_ROWS} rows of a skin, not {readout.rows}")
+        if readout.rows > MAX_ROWS:
+            raise InputError(f"a board drives at most {MAX_ROWS} rows of a skin, not {readout.rows}")
         highest = math.floor(clock_hz / self.scan_clocks(readout, clock_hz))
         if readout.sample_rate_hz > highest:
             raise InputError(

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 FLAG, ESCAPE, FLIP = 0x7E, 0x7D, 0x20
 HEAD_BYTES, CRC_BYTES = 3, 4
-MOST_PAYLOAD = 255
+MAX_PAYLOAD = 255
 
 
 class Kind(IntEnum):
@@ -41,8 +41,8 @@ class Frame(NamedTuple):
 
     def encode(self) -> bytes:
         """Return the bytes for the serial line, with a flag at both ends."""
-        if len(self.payload) > MOST_PAYLOAD:
-            raise ValueError(f"a frame holds at most {MOST_PAYLOAD} bytes, not {len(self.payload)}")
+        if len(self.payload) > MAX_PAYLOAD:
+            raise ValueError(f"a frame holds at most {MAX_PAYLOAD} bytes, not {len(self.payload)}")
         body = bytes([self.kind, self.sequence, len(self.payload)]) + self.payload
         body += zlib.crc32(body).to_bytes(CRC_BYTES, "little")
         stuffed = body.replace(bytes([ESCAPE]), bytes([ESCAPE, ESCAPE ^ FLIP]))

@@ -16,7 +16,7 @@ from eskin.board.config import ADDRESS_BITS, BOTH_FLAG, OFF_FLAG, BoardConfig
 from eskin.board.journal import Journal
 from eskin.board.link import Link
 from eskin.board.records import Class, Event, Feature, Lost, Record, Tag, Words, classes_of
-from eskin.board.serial_frames import MOST_PAYLOAD, Kind
+from eskin.board.serial_frames import MAX_PAYLOAD, Kind
 from eskin.board.udp import AddressEvent
 from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.classifier.chip import clocks_of, events_of, simulate_chip
@@ -27,9 +27,9 @@ from eskin.model.events.compare import first_difference
 from eskin.model.links.four_phase import FourPhase
 from eskin.skin.foreign.address_map import AddressMap
 
-MOST_CLOCKS = 1 << 24  # of one RUN: a running board without events sends nothing
+MAX_CLOCKS = 1 << 24  # of one RUN: a running board without events sends nothing
 SENSE_S = 0.1  # time that a board reads its skin for one frame of the host; the next frame waits on the board
-MOST_SCANS = (1 << 16) - 1
+MAX_SCANS = (1 << 16) - 1
 ASK_S = 0.5  # time between requests for the counters, which show that a board is still there
 
 
@@ -147,7 +147,7 @@ def recording(path: Path, config: ReadoutConfig, metadata: dict[str, Any], recei
 def weight_frames(weights: IntegerWeights, word_bytes: int) -> Iterator[bytes]:
     """Yield the payloads (memory, first address, words) of the frames that write both weight memories."""
     network = weights.network
-    size = (MOST_PAYLOAD - 3) // word_bytes
+    size = (MAX_PAYLOAD - 3) // word_bytes
     for neurons, image in enumerate((weight_image(network), neuron_image(network))):
         for at in range(0, len(image), size):
             words = b"".join(word.to_bytes(word_bytes, "little") for word in image[at : at + size])
@@ -186,7 +186,7 @@ def sense(link: Link, chip: ChipConfig, ticks: int | None = None) -> int:
     if not link.features & Feature.SENSOR:
         raise InputError("the board has no converter of its own; build its bitstream with make fpga ADC=")
     link.send(Kind.RESTART, b"\x01")
-    part, done = min(max(round(chip.readout.sample_rate_hz * SENSE_S), 1), MOST_SCANS), 0
+    part, done = min(max(round(chip.readout.sample_rate_hz * SENSE_S), 1), MAX_SCANS), 0
     try:
         while ticks is None or done < ticks:
             scans = part if ticks is None else min(part, ticks - done)
@@ -204,7 +204,7 @@ def sense(link: Link, chip: ChipConfig, ticks: int | None = None) -> int:
 def _finish(link: Link, left: int) -> None:
     """Run the clocks after the last sample, and wait for the last record."""
     while left:
-        part = min(left, MOST_CLOCKS)
+        part = min(left, MAX_CLOCKS)
         link.send(Kind.RUN, part.to_bytes(4, "little"))
         left -= part
     link.send(Kind.STATUS)

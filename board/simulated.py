@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 
 from eskin.board.config import BoardConfig
 from eskin.board.records import STATUS_WORDS, Ack, Event, Record, RecordWriter, Tag, Words, classes_of, hello_values
-from eskin.board.serial_frames import MOST_PAYLOAD, Damaged, Frame, FrameReader, Kind
+from eskin.board.serial_frames import MAX_PAYLOAD, Damaged, Frame, FrameReader, Kind
 from eskin.model.classifier.chip import channels_of, simulate_chip
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import network_of
 
-NAP_S, MOST_NAP_S = 0.001, 0.02  # wait for bytes of the host
+NAP_S, MAX_NAP_S = 0.001, 0.02  # wait for bytes of the host
 AT_ONCE = 4096  # records that are sent before the board looks for frames again
-WORDS_OF_A_FRAME = MOST_PAYLOAD // 4
+WORDS_OF_A_FRAME = MAX_PAYLOAD // 4
 WEIGHT_HEAD = 3
-MOST_COST = Frame(Kind.SAMPLES, 0, bytes(MOST_PAYLOAD)).cost
+MAX_COST = Frame(Kind.SAMPLES, 0, bytes(MAX_PAYLOAD)).cost
 
 
 class SimulatedBoard:
@@ -65,10 +65,10 @@ class SimulatedBoard:
     def _run(self) -> None:
         reader = FrameReader()
         while not self._ending:
-            wait = MOST_NAP_S
+            wait = MAX_NAP_S
             if self._out:
                 left = (self._out[0][0] - self._now()) / self.clocks_per_s if self.clocks_per_s < math.inf else 0.0
-                wait = min(max(left, NAP_S), MOST_NAP_S)
+                wait = min(max(left, NAP_S), MAX_NAP_S)
             if select.select([self._master], [], [], wait)[0]:
                 for frame in reader.feed(os.read(self._master, 1 << 16)):
                     self._take(frame)
@@ -118,7 +118,7 @@ class SimulatedBoard:
     def _say(self, records: list[Record]) -> None:
         frames = self.framed(records)
         while frames and not self._ending:
-            if select.select([], [self._master], [], MOST_NAP_S)[1]:
+            if select.select([], [self._master], [], MAX_NAP_S)[1]:
                 del frames[: os.write(self._master, frames)]
 
     def _status(self, clock: int, **counts: int) -> Words:
@@ -169,7 +169,7 @@ class SimulatedPlayer(SimulatedBoard):
         else:
             raise NotImplementedError(frame)
         self._waiting += frame.cost
-        if self._waiting + MOST_COST > self.config.serial.buffer_bytes:
+        if self._waiting + MAX_COST > self.config.serial.buffer_bytes:
             self._simulate()
         return []
 

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 
 PORT = 8991  # jAER's default port for unicast events
-MOST_BYTES = 1500 - 28  # of a datagram in an Ethernet frame
+MAX_BYTES = 1500 - 28  # of a datagram in an Ethernet frame
 FAERY = "faery://"  # before a destination, for the format t64_x16_y16_on8 of faery
 FAERY_DTYPE = np.dtype([("t", "<u8"), ("x", "<u2"), ("y", "<u2"), ("on", "u1")])
 LAST_COLUMN = 127  # of the 128 x 128 addresses of a DVS128, whose columns count from the right
-MOST_NUMBER = (1 << 31) - 1
+MAX_NUMBER = (1 << 31) - 1
 AddressEvent = tuple[int, int, int, bool]
 
 
@@ -38,7 +38,7 @@ class UdpSender:
     def __init__(self, destination: str, clock_hz: float) -> None:
         host, port = parse_destination(destination.removeprefix(FAERY))
         self._faery = destination.startswith(FAERY)
-        self._most = (MOST_BYTES - 4) // 8 if not self._faery else MOST_BYTES // FAERY_DTYPE.itemsize
+        self._most = (MAX_BYTES - 4) // 8 if not self._faery else MAX_BYTES // FAERY_DTYPE.itemsize
         try:
             family, kind, _, _, found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
             self._socket = socket.socket(family, kind)
@@ -58,7 +58,7 @@ class UdpSender:
                 self._socket.sendto(data, self._to)
             except OSError as error:
                 raise InputError(f"cannot send to {self.destination}: {error.strerror}; check --udp") from None
-            self._number = self._number + 1 & MOST_NUMBER
+            self._number = self._number + 1 & MAX_NUMBER
             self.events += len(timed)
 
     def close(self) -> None:

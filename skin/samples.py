@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import MOST_TEXT_BYTES, atomic_write, check_unpacked, read_bytes
+from eskin.base.files import MAX_TEXT_BYTES, atomic_write, check_unpacked, read_bytes
 from eskin.base.outputs import check_file
 from eskin.model.config import MAX_SIDE
 
@@ -23,7 +23,7 @@ _COMMA, _THOUSANDS = re.compile(r"[-+]?\d+,\d+"), re.compile(r"[-+]?[1-9]\d{0,2}
 _NOT_A_CODE = re.compile(rb"[.eEnN]")  # parts that only a float has: point, exponent, nan, inf
 
 
-def content_of(path: Path, what: str, most: int = MOST_TEXT_BYTES) -> bytes:
+def content_of(path: Path, what: str, most: int = MAX_TEXT_BYTES) -> bytes:
     """Return the content of a file; raise InputError if it cannot be read, or is longer than ``most`` bytes."""
     try:
         return read_bytes(path, what, most)

@@ -16,12 +16,12 @@ from eskin.model.taxel import encode_timed
 from eskin.skin.recordings.fitting import RESOLUTIONS, Fit, with_seconds
 from eskin.skin.recordings.folder import negative_part_lost
 from eskin.skin.recordings.options import PER_TAXEL
-from eskin.skin.recordings.quality import MOST_CLOCKS
+from eskin.skin.recordings.quality import MAX_CLOCKS
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.folds import check_classes, matching, possible_folds, stratified_folds
 from eskin.snn.reference import event_columns, logistic_classes
 
-MOST_JUDGED = 150
+MAX_JUDGED = 150
 """Training recordings on which encoders are compared at most, evenly spread over the classes."""
 
 INNER_FOLDS = 3
@@ -72,7 +72,7 @@ class EncoderChoice(Fit):
         That is at most one standard error below the best accuracy, by inner cross-validation of a logistic regression
         on event statistics. With fewer than two recordings of a class, ``Fit`` chooses.
         """
-        some = slice(None, None, -(-len(classes) // MOST_JUDGED))
+        some = slice(None, None, -(-len(classes) // MAX_JUDGED))
         labels = np.unique(classes[some], return_inverse=True)[1]
         inner = min(INNER_FOLDS, int(np.bincount(labels).min()))
         if inner < 2 or len(set(labels.tolist())) < 2:
@@ -109,7 +109,7 @@ def _candidates(config: ReadoutConfig, given: Collection[str], tau_s: float | No
     """Yield every encoder and resolution that the given fields permit."""
     encodings = registry.NAMES if set(given) <= FREE else [config.encoding]
     resolutions = [config.resolution] if "resolution" in given else RESOLUTIONS
-    for tried in cases(config.replace(clocks_per_sample=MOST_CLOCKS), encoding=encodings, resolution=resolutions):
+    for tried in cases(config.replace(clocks_per_sample=MAX_CLOCKS), encoding=encodings, resolution=resolutions):
         yield with_seconds(tried, given, tau_s)
 
 

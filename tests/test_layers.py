@@ -15,9 +15,9 @@ ROOMS = ("base", "model", "rtl", "skin", "power", "cocotb_tests", "snn", "board"
 ALONE = {"rtl": {"skin", "power"}, "snn": {"rtl", "cocotb_tests"}, "board": {"cocotb_tests", "snn"}, "flow": {"snn"}}
 """Packages before a package that it must not import all the same."""
 
-MOST_FILES = 13
-MOST_LINES_OF_A_FUNCTION = 60
-MOST_PARAMETERS = 8
+MAX_FILES = 13
+MAX_LINES_OF_A_FUNCTION = 60
+MAX_PARAMETERS = 8
 
 LONG = {
     "eskin.model.readout._loop": "arrays handed on to a part of the loop would cost a third of its speed",
@@ -126,7 +126,7 @@ def test_only_the_app_parses_and_prints() -> None:
 def test_folders_stay_small() -> None:
     for folder in {path.parent for path in files()}:
         modules = [path.name for path in folder.glob("*.py") if not path.name.startswith(("__", "test_", "conftest"))]
-        assert len(modules) <= MOST_FILES, f"{folder} has {len(modules)} files"
+        assert len(modules) <= MAX_FILES, f"{folder} has {len(modules)} files"
 
 
 def test_functions_stay_short() -> None:
@@ -144,8 +144,8 @@ def test_functions_stay_short() -> None:
             count = sum(argument.arg not in ("self", "cls", "ctx") for argument in parameters)
             command = "commands" in path.parts
             if name not in LONG:
-                assert lines <= MOST_LINES_OF_A_FUNCTION, f"{name} has {lines} lines"
-                assert command or count <= MOST_PARAMETERS, f"{name} has {count} parameters"
+                assert lines <= MAX_LINES_OF_A_FUNCTION, f"{name} has {lines} lines"
+                assert command or count <= MAX_PARAMETERS, f"{name} has {count} parameters"
     assert set(LONG) <= known, "every exception is needed"
 
 

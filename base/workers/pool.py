@@ -26,7 +26,7 @@ from eskin.base.errors import InputError
 from eskin.base.workers.garbage import collect_seldom
 
 SPARE = 2  # tasks that wait in a queue and keep the workers busy
-MOST_DEATHS = 3  # repetitions of a task after a process died; Dask allows as many
+MAX_DEATHS = 3  # repetitions of a task after a process died; Dask allows as many
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class Local(WorkerPool):
             piece.future.cancel()
             return
         error = done.exception()
-        if isinstance(error, BrokenProcessPool) and not self._left and piece.deaths < MOST_DEATHS:
+        if isinstance(error, BrokenProcessPool) and not self._left and piece.deaths < MAX_DEATHS:
             piece.deaths += 1
             self._renew(pool)
             self._begin(piece)

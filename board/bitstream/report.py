@@ -9,8 +9,8 @@ from eskin.board.bitstream.build import Built
 from eskin.model.classifier.config import ClassifierConfig, bits_of
 
 LEAST_HZ = 50e6  # target of the routed system clock
-MOST_LUTS = 1600
-MOST_BLOCKS = {8: 49, 4: 25}
+MAX_LUTS = 1600
+MAX_BLOCKS = {8: 49, 4: 25}
 """Targets for the classifier 128-256-6: LUT4 without multipliers, and block RAMs by the bits of a weight."""
 
 
@@ -37,9 +37,9 @@ def clock_aim(built: Built) -> Aim:
 
 def classifier_aims(built: Built, bits: int) -> list[Aim]:
     """Return the classifier's resources and their targets."""
-    aims = [clock_aim(built), Aim("LUT4 (at most)", built.luts, MOST_LUTS, built.luts <= MOST_LUTS)]
-    if bits in MOST_BLOCKS:
-        most = MOST_BLOCKS[bits]
+    aims = [clock_aim(built), Aim("LUT4 (at most)", built.luts, MAX_LUTS, built.luts <= MAX_LUTS)]
+    if bits in MAX_BLOCKS:
+        most = MAX_BLOCKS[bits]
         aims.append(Aim("block RAMs (at most)", built.blocks, most, built.blocks <= most))
     return aims
 

@@ -9,10 +9,10 @@ from amaranth.lib.wiring import Component, In, Out
 
 from eskin.board.config import SerialConfig
 from eskin.board.records import Reason
-from eskin.board.serial_frames import CRC_BYTES, ESCAPE, FLAG, FLIP, HEAD_BYTES, MOST_PAYLOAD, Kind
+from eskin.board.serial_frames import CRC_BYTES, ESCAPE, FLAG, FLIP, HEAD_BYTES, MAX_PAYLOAD, Kind
 
-MOST_BODY = HEAD_BYTES + MOST_PAYLOAD + CRC_BYTES
-WORDS_IN_A_FRAME = MOST_PAYLOAD // 4
+MAX_BODY = HEAD_BYTES + MAX_PAYLOAD + CRC_BYTES
+WORDS_IN_A_FRAME = MAX_PAYLOAD // 4
 
 
 class FrameReceiver(Component):
@@ -51,7 +51,7 @@ class FrameReceiver(Component):
         pointer = range(2 * depth)  # one bit wider than the address, so that full and empty differ
         self.at, self.good, self.read_at = Signal(pointer), Signal(pointer), Signal(pointer)
         self.is_open, self.escaped, self.overrun = Signal(), Signal(), Signal()
-        self.count = Signal(range(MOST_BODY + 2))
+        self.count = Signal(range(MAX_BODY + 2))
         self.kind, self.sequence, self.length, self.expected = Signal(8), Signal(8), Signal(8), Signal(8)
         plain, ends, full = Signal(), Signal(), Signal()
         byte = Mux(self.escaped, self.byte ^ FLIP, self.byte)
@@ -72,7 +72,7 @@ class FrameReceiver(Component):
             m.d.sync += [
                 self.at.eq(self.at + ~full),
                 self.overrun.eq(self.overrun | full),
-                self.count.eq(Mux(self.count > MOST_BODY, self.count, self.count + 1)),
+                self.count.eq(Mux(self.count > MAX_BODY, self.count, self.count + 1)),
             ]
             for number, field in enumerate((self.kind, self.sequence, self.length)):
                 with m.If(self.count == number):

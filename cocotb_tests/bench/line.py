@@ -21,7 +21,7 @@ NAP_S = 0.0005
 LOADING_NAP_S = 0.005
 """Pause while the host loads its libraries, before its first byte."""
 
-MOST_SECONDS = 120
+MAX_SECONDS = 120
 BEGINS_AFTER = 27
 """Bytes that a host sends before it listens: HELLO, RESTART and the first STATUS."""
 
@@ -60,7 +60,7 @@ class Line:
         """
         listening = cocotb.start_soon(self._from_board())
         sending, begun = None, time.monotonic()
-        while host.poll() is None and time.monotonic() - begun < MOST_SECONDS:
+        while host.poll() is None and time.monotonic() - begun < MAX_SECONDS:
             if pull_after is not None and self.received >= pull_after:
                 os.close(self._slave)
                 os.close(self.master)

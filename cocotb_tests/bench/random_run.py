@@ -33,7 +33,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "share": (0, 1),
 }
 
-MOST_SAMPLES = 4_000_000
+MAX_SAMPLES = 4_000_000
 """Largest number of samples of a drawn run, over all taxels."""
 
 
@@ -130,7 +130,7 @@ def runs(
     @st.composite
     def drawn(draw: st.DrawFn) -> RandomRun:
         config, gap = draw(configurations(most_taxels, **axes)), draw(st.sampled_from(GAPS))
-        most = MOST_SAMPLES * (gap + 1) // (2 * config.taxels)
+        most = MAX_SAMPLES * (gap + 1) // (2 * config.taxels)
         return RandomRun(
             config=config,
             seed=draw(st.integers(0, 2**16)),

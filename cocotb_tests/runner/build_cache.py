@@ -21,7 +21,7 @@ from eskin.rtl.verilog import Config, verilog
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = (ROOT if (ROOT / "pyproject.toml").is_file() else cache.folder()) / "build"
 """In the checkout; in the user's cache where the packages are installed without one. What lies there is run."""
-MOST_BYTES = 2**30
+MAX_BYTES = 2**30
 """Size limit of ``build/sim``, and of ``build/verilog``."""
 KEPT_S = 3600
 
@@ -112,7 +112,7 @@ def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
         yield folder
 
 
-def trim(folder: Path, limit: int = MOST_BYTES) -> None:
+def trim(folder: Path, limit: int = MAX_BYTES) -> None:
     """Remove the least recently used entries of a cache folder until its size limit is met.
 
     Entries used within the last hour stay. The time of use is that of a file, or of the file ``built`` in a folder.

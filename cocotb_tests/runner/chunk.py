@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write, make_folder
-from eskin.base.workers.pool import MOST_DEATHS
+from eskin.base.workers.pool import MAX_DEATHS
 from eskin.cocotb_tests.bench.stimuli import settled
 from eskin.cocotb_tests.runner.build_cache import BUILD, scratch_folder
 from eskin.cocotb_tests.runner.inputs import Inputs
@@ -100,12 +100,12 @@ def store(folder: Path, files: dict[str, bytes], on_run: Callable[[], object]) -
 
 def retry_after_crash(name: str, play: Callable[[Path], T]) -> T:
     """Return the result of a simulation, restarted in a new folder after a crash."""
-    for _ in range(MOST_DEATHS + 1):
+    for _ in range(MAX_DEATHS + 1):
         with scratch_folder(BUILD / "run", name) as running:
             try:
                 return play(running)
             except SimulationDied as died:
                 last = str(died).strip().splitlines()[-1]
     raise InputError(
-        f"the simulation crashed {MOST_DEATHS + 1} times, perhaps from lack of memory ({last}); use fewer --workers"
+        f"the simulation crashed {MAX_DEATHS + 1} times, perhaps from lack of memory ({last}); use fewer --workers"
     )

@@ -28,7 +28,7 @@ NEEDS = Needs(
 )
 """Packages and libraries that must be equal on all workers of a cluster."""
 
-MOST_IN_A_PART = 32
+MAX_IN_A_PART = 32
 """Scans in one simulation. Starting it takes the time of six scans; a killed simulation loses its scans."""
 
 
@@ -114,7 +114,7 @@ def play(plan: Plan, missing: list[str], pool: WorkerPool, on_run: Callable[[], 
     The first run plays every clock. The others skip the clocks in which the readout is not awake.
     """
     make_folder(plan.out, f"{plan.place}/events")
-    size = max(1, min(MOST_IN_A_PART, -(-len(missing) // pool.workers)))
+    size = max(1, min(MAX_IN_A_PART, -(-len(missing) // pool.workers)))
     parts = [missing[at : at + size] for at in range(0, len(missing), size)]
     total = Tally()
     for tally, files in each(pool, play_part, ((plan.scans(names, every_clock=missing[0]),) for names in parts)):

@@ -32,7 +32,7 @@ from eskin.skin.textures.presets import preset
 SHIPPED = Path(__file__).parents[2] / "model" / "classifier" / "networks"
 """Networks that come with the project: a folder for each dataset, a file for each fold."""
 
-MOST_IN_A_PART = 40
+MAX_IN_A_PART = 40
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ class Plan:
             if self.finished(name) is None:
                 missing.setdefault(network.path, []).append(name)
         total = sum(map(len, missing.values()))
-        size = max(1, min(MOST_IN_A_PART, -(-total // workers)))
+        size = max(1, min(MAX_IN_A_PART, -(-total // workers)))
         parts = [names[at : at + size] for names in missing.values() for at in range(0, len(names), size)]
         for names in parts:
             said = self.material.said(names)

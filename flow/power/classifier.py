@@ -36,7 +36,7 @@ BINS = 3
 
 IDLE_CLOCKS = 256
 
-MOST_APART = 0.1
+MAX_APART = 0.1
 """Largest allowed difference of the two methods, as a share of the energy; in IHP cells they differ by up to 8 %."""
 
 
@@ -165,7 +165,7 @@ def measure(chip: ChipConfig, network: IntegerNetwork, library: Library) -> dict
     flat = flatten(text, Classifier.module_name, library.content)
     cells = models(library, {cell.kind for cell in flat.cells})
     tables = LibertyPower(flat, library, {})
-    meter = PowerMeter(tables, OpenstaPower(flat, library, {}), config.clock_hz, MOST_APART)
+    meter = PowerMeter(tables, OpenstaPower(flat, library, {}), config.clock_hz, MAX_APART)
     with tempfile.TemporaryDirectory() as name:
         ready = first_ready(config, -1) + 8
         dump, _ = play(network, flat, cells, [], ready + IDLE_CLOCKS + 8, Window(ready, IDLE_CLOCKS), Path(name))

@@ -21,7 +21,7 @@ from eskin.flow.wire import FARAD_PER_UM, WITHIN_UM
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 
-MOST_APART = 0.05
+MAX_APART = 0.05
 """Largest allowed difference of the two methods, as a share of the power of all cells."""
 
 APART = "apart"
@@ -63,7 +63,7 @@ class PowerMeter:
     tables: LibertyPower
     opensta: OpenstaPower
     clock_hz: float
-    most_apart: float = MOST_APART
+    most_apart: float = MAX_APART
 
     def measure(
         self, name: str, activity: Activity, events: int, uses: dict[str, CellActivity] | None = None

@@ -19,8 +19,8 @@ IDLE, CLOSING, LONE, SATURATED, TEXTURE = "idle", "closing", "lone", "saturated"
 TEXTURE_START = 60
 """Sample tick of a scan at which its window begins: the sensor has settled."""
 LONE_TICKS = 16
-MOST_SATURATED = 512
-MOST_TO_CLOSE = 1000
+MAX_SATURATED = 512
+MAX_TO_CLOSE = 1000
 """Largest number of sample ticks until windows are closed; the gates are simulated in these ticks, too."""
 
 
@@ -87,8 +87,8 @@ def _idle(config: ReadoutConfig, rest: int, ticks: int = 10) -> Scenario:
     The samples are slightly above zero, or zero for encoders that do not rest there. Windows are open after reset: they
     close within ``rest`` ticks, or during the measurement.
     """
-    if rest > MOST_TO_CLOSE:
-        raise InputError(f"windows take {rest} samples to close, more than {MOST_TO_CLOSE}; choose a shorter period")
+    if rest > MAX_TO_CLOSE:
+        raise InputError(f"windows take {rest} samples to close, more than {MAX_TO_CLOSE}; choose a shorter period")
     level = np.zeros((1, config.taxels), np.int32) if config.encoder.late else texture_samples(config, 1) % config.step
     name = CLOSING if rest < closing_ticks(config) else IDLE
     chosen = _whole(name, config, level.repeat(3 + rest + ticks, axis=0), 3 + rest)
@@ -114,7 +114,7 @@ def _lone(config: ReadoutConfig) -> Scenario:
 
 def _saturated(config: ReadoutConfig) -> Scenario:
     """Return the scenario with a link that is always busy: all samples are far from their references."""
-    most = MOST_SATURATED + 64  # what follows the window is not played
+    most = MAX_SATURATED + 64  # what follows the window is not played
     ticks = 2 + -(-min(config.full_scale // config.step * config.taxels, most) // config.clocks_per_sample)
     stimulus, events = _run(config, np.full((ticks, config.taxels), config.full_scale - 1, np.int32), spare=1)
     link = config.protocol
@@ -122,7 +122,7 @@ def _saturated(config: ReadoutConfig) -> Scenario:
     begins, ends = (events["t"][np.concatenate(at)] for at in (([0], breaks + 1), (breaks, [len(events) - 1])))
     longest = int(np.argmax(ends - begins))  # interval without a larger gap between events
     start = int(begins[longest]) + 8
-    clocks = min(int(ends[longest]) - int(begins[longest]) - 16, MOST_SATURATED)
+    clocks = min(int(ends[longest]) - int(begins[longest]) - 16, MAX_SATURATED)
     if clocks < 8:
         raise InputError(f"resolution {config.resolution} is too low for a saturated stretch; choose a higher one")
     return Scenario(SATURATED, stimulus, start, clocks, events)

@@ -24,7 +24,7 @@ SETTABLE = "settable"
 CHOICES = (*KINDS, "off")
 """Fields that a host can choose, by number."""
 
-MOST_TAXELS = 256
+MAX_TAXELS = 256
 """Most taxels of a field."""
 
 ANALOG_RANGE = 4
@@ -82,8 +82,8 @@ def _parse_one(number: int, given: Any, taxels: int) -> Field:
     listed, shift = given
     if not isinstance(listed, Sequence) or not all(type(taxel) is int for taxel in listed):
         raise InputError(f"the taxels of receptive_fields[{number}] must be a list of whole numbers, not {listed!r}")
-    if len(listed) > MOST_TAXELS:
-        raise InputError(f"receptive_fields[{number}] must have at most {MOST_TAXELS} taxels, not {len(listed)}")
+    if len(listed) > MAX_TAXELS:
+        raise InputError(f"receptive_fields[{number}] must have at most {MAX_TAXELS} taxels, not {len(listed)}")
     for taxel in listed:
         if not 0 <= taxel < taxels:
             raise InputError(f"the taxels of receptive_fields[{number}] must be in 0..{taxels - 1}, not {taxel}")

@@ -19,7 +19,7 @@ from eskin.model.address_events import Events, check_events
 from eskin.model.config import ReadoutConfig
 from eskin.model.tiles.config import config_of
 
-MOST_CLOCKS = 2**51
+MAX_CLOCKS = 2**51
 """Clocks up to which a time in seconds (float64) names its clock: t / clock_hz and its product with clock_hz are each
 rounded by at most one part in 2**53, together by less than half a clock."""
 
@@ -143,7 +143,7 @@ class Recording:
         for name, kind in _HEADER_TYPES.items():
             if type(header.get(name)) is not kind:
                 raise InputError(f"its metadata lack a valid {name}")
-        if header["duration_clocks"] > MOST_CLOCKS:
+        if header["duration_clocks"] > MAX_CLOCKS:
             raise InputError(f"its duration_clocks {header['duration_clocks']} are more than 2**51")
         config = config_of(header["config"])
         if header["clock_hz"] != config.clock_hz:

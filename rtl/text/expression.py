@@ -15,7 +15,7 @@ REDUCTIONS = {"&", "|", "^", "~&", "~|", "~^", "!"}
 BINARY = COMPARISONS | LOGICAL | SHIFTS | BITWISE | {"~|", "+", "-", "*", "/", "%"}
 """Operators of two operands."""
 
-MOST_IN_A_ROW = 4
+MAX_IN_A_ROW = 4
 """Operands of one operator that are written without parentheses."""
 
 NAME = re.compile(r"([A-Za-z_]\w*)(?:\[(\d+)(?::(\d+))?\])?")
@@ -259,7 +259,7 @@ def write(node: Node) -> str:
         inner = write(node.parts[0])
         bare = node.parts[0].kind not in ("unary", "binary", "choice")
         return f"{node.text}{inner if bare else f'({inner})'}"
-    if node.kind == "binary" and node.text in BITWISE and len(chain := _chain(node, node.text)) <= MOST_IN_A_ROW:
+    if node.kind == "binary" and node.text in BITWISE and len(chain := _chain(node, node.text)) <= MAX_IN_A_ROW:
         return f" {node.text} ".join(_operand(part) for part in chain)
     words = [_operand(part) for part in node.parts]
     if node.kind == "binary":

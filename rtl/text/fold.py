@@ -26,7 +26,7 @@ LONGEST = 110
 
 BREAKS = tuple(f"{operator} " for operator in ("|", "&", "^", "?", ":", "+", "-", "<=", ","))
 
-MOST_NAMES = 4
+MAX_NAMES = 4
 """Most names in an expression that replaces its wire wherever the wire is used."""
 
 
@@ -173,7 +173,7 @@ class _Folder:
             if MADE_UP.fullmatch(name) and line.trees and line.text.startswith("  assign") and not wires[name].signed:
                 self.steps[name] = line.trees[0][0]
         for name in list(self.steps):
-            if uses[name] > 1 and self._names(self.steps[name]) > MOST_NAMES:
+            if uses[name] > 1 and self._names(self.steps[name]) > MAX_NAMES:
                 del self.steps[name]
         self.joined = _Joined([line for line in lines if line.bits and line.trees], wires)
 

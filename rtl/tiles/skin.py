@@ -13,7 +13,7 @@ from eskin.rtl.readout import Readout
 from eskin.rtl.tiles.merge import Merge, merged_ports
 from eskin.rtl.tiles.relay import Relay
 
-MOST_INPUT_BITS = 65_000
+MAX_INPUT_BITS = 65_000
 """Most input bits of a module: Amaranth numbers them with 16 bits."""
 
 
@@ -40,10 +40,10 @@ class Skin(Block[TilesConfig]):
             width = Shape.cast(members[name].shape).width * (1 if name in common_ports(config) else config.tiles)
             ports[name] = members[name].flow(unsigned(width))
         inputs = sum(Shape.cast(port.shape).width for port in ports.values() if port.flow is In)
-        if inputs > MOST_INPUT_BITS:
+        if inputs > MAX_INPUT_BITS:
             raise InputError(
                 f"{config.tiles} tiles of {config.tile.rows} x {config.tile.columns} taxels have {inputs} input bits, "
-                f"but a module has at most {MOST_INPUT_BITS}; write the merge with --merge, and a tile without --tiles"
+                f"but a module has at most {MAX_INPUT_BITS}; write the merge with --merge, and a tile without --tiles"
             )
         super().__init__(config, ports | merged_ports(config))
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 from eskin.model.address_events import Events, make_events
 from eskin.model.config import MAX_SIDE, ReadoutConfig
-from eskin.model.events.recording import MOST_CLOCKS, Recording
+from eskin.model.events.recording import MAX_CLOCKS, Recording
 from eskin.skin.foreign.address_map import Addresses, AddressMap
 
 UNITS_S = {"s": Fraction(1), "ms": Fraction(1, 10**3), "us": Fraction(1, 10**6), "ns": Fraction(1, 10**9)}
@@ -173,7 +173,7 @@ def _clocks(time: NDArray[Any], start: float, unit: str, config: ReadoutConfig) 
     """Return times as clocks, rounded half to even, and the number of times that were not whole clocks."""
     per_unit = _seconds(unit, config) * Fraction(config.clock_hz)
     passed = time - start
-    if len(time) and float(passed[-1]) * float(per_unit) > MOST_CLOCKS:
+    if len(time) and float(passed[-1]) * float(per_unit) > MAX_CLOCKS:
         raise InputError(
             f"the events reach {float(passed[-1]) * float(per_unit):.3g} clocks, more than 2**51; split the file"
         )

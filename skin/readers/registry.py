@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from eskin.base.errors import InputError
-from eskin.base.files import MOST_TEXT_BYTES, MOST_UNPACKED
+from eskin.base.files import MAX_TEXT_BYTES, MAX_UNPACKED
 from eskin.skin.readers import arrays, sound, tables
 from eskin.skin.readers.bags import read_bag
 from eskin.skin.readers.frame import Frame
@@ -69,7 +69,7 @@ def read_frame(path: Path, source: Source | None = None) -> Frame:
         raise InputError(f"{path} is not a file of samples; accepted are {', '.join(SUFFIXES)}")
     if suffix in BAGS:
         return read_bag(path, source.topic, source.part)
-    data = content_of(path, "the file of samples", MOST_TEXT_BYTES if suffix in _TEXT else MOST_UNPACKED)
+    data = content_of(path, "the file of samples", MAX_TEXT_BYTES if suffix in _TEXT else MAX_UNPACKED)
     if not data:
         raise InputError(f"{path} is empty; fetch or record it again")
     if data.startswith(_LFS):

@@ -12,7 +12,7 @@ from eskin.base.errors import InputError
 from eskin.model.config import MAX_LEAK_PERIOD, MAX_TAU_ERROR, ReadoutConfig
 from eskin.model.encoders.fields import signals
 from eskin.model.taxel import decode, encode_timed, slope_limit
-from eskin.skin.recordings.quality import MOST_CLOCKS, clocks_needed, encoded, power_of_two
+from eskin.skin.recordings.quality import MAX_CLOCKS, clocks_needed, encoded, power_of_two
 from eskin.skin.textures.scan import leak_of
 
 TAU_S = 0.2  # time constant of the leak where none is given, the paper's
@@ -26,7 +26,7 @@ cannot tell a step from a wait. On a generated skin of 35 Hz, 6 bit, that has 17
 
 RESOLUTIONS = range(3, 9)  # resolutions that are tried for the events of a classifier
 
-ENOUGH_DB, MOST_TRIED = 15.0, 32
+ENOUGH_DB, MAX_TRIED = 15.0, 32
 """Reconstruction SNR that is enough for a classifier, and the recordings on which it is measured."""
 
 SLOW_HZ = 1000.0  # samples per second below which the clock follows the signal, not 64 times the sample rate
@@ -104,9 +104,9 @@ class Fit:
         scale, codes_of_all = next(iter(recordings.items()))
         if "resolution" in given:
             return config, scale, ""
-        some = codes_of_all[:: -(-len(codes_of_all) // MOST_TRIED)]
+        some = codes_of_all[:: -(-len(codes_of_all) // MAX_TRIED)]
         for resolution in RESOLUTIONS:
-            tried = config.replace(resolution=resolution, clocks_per_sample=MOST_CLOCKS)
+            tried = config.replace(resolution=resolution, clocks_per_sample=MAX_CLOCKS)
             signal = noise = np.zeros(config.taxels)
             for codes in some:
                 counts, late = encode_timed(tried, codes)
@@ -132,7 +132,7 @@ def with_clock(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]) -
     while True:
         suited = config.replace(clocks_per_sample=clocks)
         _, quality = encoded(suited, steepest)
-        if not (quality.late or quality.merged) or clocks >= MOST_CLOCKS:
+        if not (quality.late or quality.merged) or clocks >= MAX_CLOCKS:
             return suited
         clocks *= 2
 

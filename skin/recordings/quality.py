@@ -14,10 +14,10 @@ from eskin.model.events.recording import Recording
 from eskin.model.readout import Stimulus, simulate
 from eskin.model.taxel import EVENT_LATENCY, counts_of_events, decode, encode, error_bound
 
-MOST_VALUES = 2**28  # largest number of reconstructed values (2 GiB)
+MAX_VALUES = 2**28  # largest number of reconstructed values (2 GiB)
 MUCH_LATE = 0.01  # part of the events above which late events or merged decisions cause a warning
 
-LEAST_CLOCKS, MOST_CLOCKS = 64, 2**20
+LEAST_CLOCKS, MAX_CLOCKS = 64, 2**20
 """Range of the clocks per sample that fit a signal; the largest number is enough for every decision."""
 
 
@@ -105,13 +105,13 @@ def clocks_needed(config: ReadoutConfig, codes: NDArray[np.int32]) -> int:
 
     From the largest number of events of one tick, without contention.
     """
-    counts = np.abs(encode(config.replace(clocks_per_sample=MOST_CLOCKS), codes).astype(np.int64))
+    counts = np.abs(encode(config.replace(clocks_per_sample=MAX_CLOCKS), codes).astype(np.int64))
     return config.protocol.clocks_per_event * int(counts.sum(1).max()) + 4 * int(counts.max()) + 8
 
 
 def power_of_two(clocks: int) -> int:
-    """Return the next power of two, limited to ``LEAST_CLOCKS`` to ``MOST_CLOCKS``."""
-    return min(max(LEAST_CLOCKS, 1 << (clocks - 1).bit_length()), MOST_CLOCKS)
+    """Return the next power of two, limited to ``LEAST_CLOCKS`` to ``MAX_CLOCKS``."""
+    return min(max(LEAST_CLOCKS, 1 << (clocks - 1).bit_length()), MAX_CLOCKS)
 
 
 def pooled(parts: list[Quality]) -> Quality:
@@ -152,10 +152,10 @@ def decode_recording(recording: Recording) -> NDArray[np.float64]:
     stated = recording.metadata.get("ticks")  # a recording may last longer than its samples, to see the last events
     if type(stated) is int and 0 <= stated < ticks:
         ticks = stated
-    if ticks * config.taxels > MOST_VALUES:
+    if ticks * config.taxels > MAX_VALUES:
         raise InputError(
             f"the recording lasts {ticks} ticks of {config.taxels} taxels, more than decode writes "
-            f"({MOST_VALUES} values); cut it into shorter ones"
+            f"({MAX_VALUES} values); cut it into shorter ones"
         )
     counts, late = counts_of_events(config, recording.events, ticks)
     return decode(config, counts, late) / config.full_scale

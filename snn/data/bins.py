@@ -16,7 +16,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.textures.presets import preset
 
-MOST_COUNTS = 2**28
+MAX_COUNTS = 2**28
 """Most counts of one recording in memory, including zeros."""
 
 
@@ -77,10 +77,10 @@ def bin_recording(recording: Recording, bins: BinConfig) -> NDArray[np.int16]:
             f"{name} lasts {recording.duration_s:.6g} s and contains no complete bin of {bins.bin_s:g} s in the time "
             f"window; choose a shorter bin or another window"
         )
-    if steps * bins.channels(config) > MOST_COUNTS:
+    if steps * bins.channels(config) > MAX_COUNTS:
         raise InputError(
             f"{name} has {steps} bins of {bins.bin_s:g} s and {bins.channels(config)} channels, more than "
-            f"{MOST_COUNTS} counts; choose a longer bin"
+            f"{MAX_COUNTS} counts; choose a longer bin"
         )
     step = np.floor((events["t"] - start) / width).astype(np.int64)
     seen = (events["t"] >= start) & (step < steps)

@@ -10,15 +10,15 @@ from pathlib import Path
 import h5py  # type: ignore[import-untyped]
 
 from eskin.base.errors import InputError
-from eskin.base.files import MOST_UNPACKED
+from eskin.base.files import MAX_UNPACKED
 
-MOST_OBJECTS = 100_000
+MAX_OBJECTS = 100_000
 
 
 def read_hdf5(path: Path, what: str) -> bytes:
     """Return the checked content of an HDF5 file; ``what`` describes the expected content for error messages.
 
-    Raise InputError if it cannot be read, is no HDF5, refers to other files, or claims more than ``MOST_UNPACKED``
+    Raise InputError if it cannot be read, is no HDF5, refers to other files, or claims more than ``MAX_UNPACKED``
     bytes.
     """
     try:
@@ -54,5 +54,5 @@ def _check(file: h5py.File) -> None:
                 size += found.nbytes
             elif isinstance(found, h5py.Group):
                 waiting.append(found)
-            if size > MOST_UNPACKED or len(seen) + len(waiting) > MOST_OBJECTS:
-                raise InputError(f"claims more than {MOST_UNPACKED // 2**20} MiB of data, and is refused")
+            if size > MAX_UNPACKED or len(seen) + len(waiting) > MAX_OBJECTS:
+                raise InputError(f"claims more than {MAX_UNPACKED // 2**20} MiB of data, and is refused")

@@ -14,7 +14,7 @@ from eskin.base.errors import InputError
 from eskin.base.files import atomic_write
 from eskin.model.address_events import EVENT_DTYPE
 from eskin.model.config import ReadoutConfig
-from eskin.model.events.recording import MOST_CLOCKS, Recording
+from eskin.model.events.recording import MAX_CLOCKS, Recording
 from eskin.snn.data.bins import BinConfig, bin_recording
 from eskin.snn.exchange.hdf5 import read_hdf5
 from eskin.snn.exchange.nir_layers import INPUT
@@ -32,7 +32,7 @@ def to_nir_data(recording: Recording) -> nir.NIRGraphData:
 
     Raise InputError if the recording lasts longer than 2**51 clocks.
     """
-    if recording.duration_clocks > MOST_CLOCKS:
+    if recording.duration_clocks > MAX_CLOCKS:
         raise InputError(f"the recording has {recording.duration_clocks} clocks, more than 2**51; split it")
     config, events = recording.config, recording.events
     if not math.isfinite(recording.duration_s):
@@ -83,7 +83,7 @@ def from_nir_data(data: nir.NIRGraphData, config: ReadoutConfig, metadata: dict[
         )
     if not 0 <= events.t_max < math.inf:
         raise InputError(f"the data last {events.t_max} s; a duration must be a finite number of seconds from 0")
-    if events.t_max * config.clock_hz > MOST_CLOCKS:
+    if events.t_max * config.clock_hz > MAX_CLOCKS:
         raise InputError(
             f"the data last {events.t_max} s at {config.clock_hz:g} Hz, more than 2**51 clocks; split them"
         )

@@ -72,7 +72,7 @@ WINDOW_S = 5.0
 WHOLE_STEPS, LIKE = 512, 1.5
 """Largest number of steps, and largest ratio of lengths, of recordings that training uses whole."""
 
-MOST_WINDOWS = 4
+MAX_WINDOWS = 4
 """Most windows of a recording in an epoch."""
 
 _BATCHES = 8
@@ -98,7 +98,7 @@ def for_recordings(recipe: str, seconds: NDArray[np.float64], bin_s: float) -> d
     window, windows = int(steps.max()), 1
     if window > WHOLE_STEPS or window > LIKE * steps.min():
         window = max(min(round(WINDOW_S / bin_s), int(np.percentile(steps, 10))), 1)
-        windows = min(max(round(float(steps.mean()) / window), 1), MOST_WINDOWS)
+        windows = min(max(round(float(steps.mean()) / window), 1), MAX_WINDOWS)
         found |= {"window_steps": window, "windows": windows}
     found["batch"] = min(max(len(steps) * windows // _BATCHES, 4), TrainConfig().batch)
     if recipe == "skin":

@@ -28,7 +28,7 @@ from eskin.snn.kernels.rule import NeuronRule
 Backend = Literal["auto", "kernel", "torch"]
 
 
-MOST_ENTRIES = 2**31 - 2**20
+MAX_ENTRIES = 2**31 - 2**20
 """Largest number of entries of a sequence in the kernel, which numbers them in 32 bits."""
 
 DENSE_FROM = 0.6
@@ -66,7 +66,7 @@ def layer(
     if synapse_decay:
         return layer_reference(rule, x, w_in, bias, decay, w_rec, synapse_decay)
     suits = x.device.type == "cpu" and all(p is None or p.dtype == torch.float32 for p in (x, w_in, w_rec))
-    suits = suits and x.shape[0] * x.shape[1] * max(w_in.shape) < MOST_ENTRIES
+    suits = suits and x.shape[0] * x.shape[1] * max(w_in.shape) < MAX_ENTRIES
     if backend == "kernel" and not (suits and kernel.available()):
         raise InputError(
             "the kernel needs float32 on the CPU, a C++ compiler and sequences below 2**31 entries; use torch"

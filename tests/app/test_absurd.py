@@ -146,7 +146,7 @@ def test_files_that_unpack_to_more_than_anybody_means_are_refused(
     np.save("x.npy", np.zeros((2**21, 1), np.int8))
     (folder / "x.csv").write_text("1,2\n" * 2**20)
     monkeypatch.setattr("eskin.skin.readers.frame.MAX_VALUES", 2**20)
-    monkeypatch.setattr("eskin.base.files.MOST_UNPACKED", 2**20)
+    monkeypatch.setattr("eskin.base.files.MAX_UNPACKED", 2**20)
     for name, sentence in (
         ("npz", "x.npz claims 2 MiB of data, more than 1, and is refused"),
         ("npy", "x.npy holds 2097152 values, more than 1048576; cut it into shorter recordings"),

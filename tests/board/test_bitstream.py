@@ -13,7 +13,7 @@ from eskin.board.bitstream.boards import BOARDS, ECP5, find_board
 from eskin.board.bitstream.build import NAME, NETWORK, BuildFailed, Built, _run, _synthesise, design_of, read_report
 from eskin.board.bitstream.on_board import OnBoard
 from eskin.board.config import BoardConfig
-from eskin.board.sensor import MOST_ROWS
+from eskin.board.sensor import MAX_ROWS
 
 BUILT = Built({"TRELLIS_COMB": 2000, "DP16KD": 4}, {"TRELLIS_COMB": 24288}, 51.25e6, 50e6, {f"{NAME}.bit": b"bits"})
 
@@ -49,7 +49,7 @@ def test_every_board_has_the_pins_and_the_clock() -> None:
     assert pins["rows", "o"] == ["gpio_0:0+", "gpio_0:0-", "gpio_0:1+"]
     assert pins["miso", "i"] == ["gpio_0:9-"]
     assert {way for _, way in pins} == {"i", "o"}
-    assert len(board.rows.split()) == MOST_ROWS
+    assert len(board.rows.split()) == MAX_ROWS
 
 
 def test_the_classifier_alone_has_potentials_of_32_thresholds() -> None:

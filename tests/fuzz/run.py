@@ -28,7 +28,7 @@ LONGEST_S = 600
 """By the clock, for what waits instead of computing; a busy machine makes a case ten times as long."""
 AGAIN_S = 1.0
 """From one signal to the next: a broad except may have caught the first."""
-MOST_BYTES = 6 * 2**30
+MAX_BYTES = 6 * 2**30
 """Address space that a case may add: torch and Numba map much and use little."""
 
 
@@ -80,7 +80,7 @@ def _limits(memory: bool) -> Iterator[None]:
         LONGEST_S + 60, exit=True, file=sys.__stderr__
     )  # native code sees no signal of Python's
     if memory:
-        resource.setrlimit(resource.RLIMIT_AS, (mapped + MOST_BYTES, most))
+        resource.setrlimit(resource.RLIMIT_AS, (mapped + MAX_BYTES, most))
     try:
         yield
     finally:

@@ -15,7 +15,7 @@ from eskin.model.events.recording import Recording
 from eskin.skin.textures.dataset import embedded_dataset
 from eskin.skin.textures.physical import PhysicalScan
 from eskin.snn.data.augment import AugmentConfig, at_speed, augment
-from eskin.snn.data.bins import MOST_COUNTS, BinConfig, bin_recording
+from eskin.snn.data.bins import MAX_COUNTS, BinConfig, bin_recording
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.frames import frame_dataset, values_of
 from eskin.snn.data.record import record, record_dataset
@@ -206,8 +206,8 @@ def test_bad_recordings_are_refused_in_one_sentence(tmp_path: Path) -> None:
     assert refused([good], BinConfig(bin_s=1.0)) == (
         "a lasts 0.01 s and contains no complete bin of 1 s in the time window; choose a shorter bin or another window"
     )
-    long = recording([1], [0], [True], clocks=MOST_COUNTS // 12 + 1)
-    assert f"more than {MOST_COUNTS} counts; choose a longer bin" in refused([long], BinConfig(bin_s=1e-4))
+    long = recording([1], [0], [True], clocks=MAX_COUNTS // 12 + 1)
+    assert f"more than {MAX_COUNTS} counts; choose a longer bin" in refused([long], BinConfig(bin_s=1e-4))
     with pytest.raises(InputError, match="holds no event files"):
         load_recordings(tmp_path, bins)
     with pytest.raises(InputError, match="does not exist"):

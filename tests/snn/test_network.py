@@ -10,7 +10,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from eskin.base.errors import InputError
-from eskin.snn.kernels.layer import MOST_ENTRIES, Backend, layer
+from eskin.snn.kernels.layer import MAX_ENTRIES, Backend, layer
 from eskin.snn.kernels.reference import layer_reference
 from eskin.snn.kernels.rule import SURROGATES, NeuronReset, NeuronRule
 from eskin.snn.network import Output, SpikingNetwork, build
@@ -103,11 +103,11 @@ def test_decays_and_layers_without_recurrence(backend: Backend) -> None:
 
 
 def test_a_kernel_that_cannot_take_a_sequence_refuses_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert torch.iinfo(torch.int32).max >= MOST_ENTRIES
+    assert torch.iinfo(torch.int32).max >= MAX_ENTRIES
     values = tensors(3, 2, 5, 6, 0.5)
     with pytest.raises(InputError, match="the kernel needs float32 on the CPU"):
         layer(NeuronRule(), **{name: value.double() for name, value in values.items()}, backend="kernel")
-    monkeypatch.setattr("eskin.snn.kernels.layer.MOST_ENTRIES", 3 * 2 * 6)
+    monkeypatch.setattr("eskin.snn.kernels.layer.MAX_ENTRIES", 3 * 2 * 6)
     with pytest.raises(InputError, match="the kernel needs float32 on the CPU"):
         layer(NeuronRule(), **values, backend="kernel")
 

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from eskin.base.errors import InputError
-from eskin.base.files import MOST_UNPACKED
+from eskin.base.files import MAX_UNPACKED
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.classifier.network import IntegerNetwork
@@ -151,8 +151,8 @@ def test_a_file_that_claims_a_large_network_is_refused_before_it_is_built(
 def test_an_archive_that_unpacks_to_more_than_memory_is_for_is_not_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert MOST_UNPACKED == 2**30
-    monkeypatch.setattr("eskin.base.files.MOST_UNPACKED", 2**20)
+    assert MAX_UNPACKED == 2**30
+    monkeypatch.setattr("eskin.base.files.MAX_UNPACKED", 2**20)
     path = tmp_path / "a.npz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("events.npy", bytes(2**21))

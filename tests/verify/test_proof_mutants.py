@@ -73,7 +73,7 @@ def test_more_are_drawn_until_every_property_has_its_mutants_and_a_stopped_searc
     assert [one.seed for one in found] == asked == [0, 1, 2]
     assert list(hunts("link", [LINK], Pieces(out, "code"))) == found
     assert asked == [0, 1, 2]
-    monkeypatch.setattr(run, "MOST_DRAWS", 2)
+    monkeypatch.setattr(run, "MAX_DRAWS", 2)
     assert len(list(hunts("link", [LINK], Pieces(out, "other code")))) == 2
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import eskin.cocotb_tests.runner.simulator as simulator
 from eskin.base.errors import InputError
-from eskin.cocotb_tests.bench.random_run import MOST_SAMPLES, RandomRun, runs
+from eskin.cocotb_tests.bench.random_run import MAX_SAMPLES, RandomRun, runs
 from eskin.model.config import ReadoutConfig
 from eskin.verify import soak
 from tests.conftest import run_eskin as call
@@ -69,7 +69,7 @@ def test_a_run_is_read_as_it_is_written() -> None:
 
 def test_drawn_runs_fit_the_memory() -> None:
     def too_long(run: RandomRun) -> bool:
-        assert run.clocks * 2 / (run.gap + 1) * run.config.taxels <= MOST_SAMPLES
+        assert run.clocks * 2 / (run.gap + 1) * run.config.taxels <= MAX_SAMPLES
         return False
 
     assert soak.search(runs(2_000_000), too_long, 50, 1) is None

@@ -23,7 +23,7 @@ YOSYS = version(yosys.PACKAGE)
 FEWEST_MUTANTS = 3
 """Smallest number of generated mutants that must violate every property."""
 
-DRAWN, MOST_DRAWS = 40, 12
+DRAWN, MAX_DRAWS = 40, 12
 """Number of mutants per draw in a configuration, and largest number of draws for a property with too few mutants."""
 
 
@@ -139,7 +139,7 @@ def hunts(block: str, proofs: Iterable[Proof], pieces: Pieces) -> Iterator[Mutan
     """
     proofs_to_mutate = [proof for proof in proofs if proof.block == block and proof.hunts]
     count: Counter[str] = Counter()
-    for seed in range(MOST_DRAWS):
+    for seed in range(MAX_DRAWS):
         for proof in proofs_to_mutate:
             names = proof.checker(proof.config).proved
             if seed and all(count[name] >= FEWEST_MUTANTS for name in names):

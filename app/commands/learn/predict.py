@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from eskin.snn.experiments.evaluate import Check
     from eskin.snn.experiments.trained import Trained
 
-MOST_LINES = 20  # recordings listed one by one; of more, only those without a class
-MOST_CLASSES = 12  # classes of a printed confusion matrix
+MAX_LINES = 20  # recordings listed one by one; of more, only those without a class
+MAX_CLASSES = 12  # classes of a printed confusion matrix
 
 
 @command("Classifier", needs="snn", fuzz="good/train/weights.npz --events good/events.npz -o new.json")
@@ -149,12 +149,12 @@ def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> N
 def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float32], trained: Trained) -> None:
     """Print the predictions of recordings; skip recordings with a class if the list is long.
 
-    A list is long with more than ``MOST_LINES`` recordings.
+    A list is long with more than ``MAX_LINES`` recordings.
     """
     from eskin.snn.data.recordings import class_of
 
     for recording, row in zip(recordings, logits, strict=True):
-        if len(recordings) <= MOST_LINES or class_of(recording) is None:
+        if len(recordings) <= MAX_LINES or class_of(recording) is None:
             predicted = trained.weights.class_names[row.argmax()]
             echo(f"{recording.metadata['name']}: {predicted} (class: {class_of(recording) or 'not known'})")
 
@@ -175,7 +175,7 @@ def _print_scores(scores: dict[str, dict[str, Any]], trained: Trained) -> None:
         print(f"the network may have learned some of them: {printable(trained.unknown)}")
     shown = scores.get(TEST) or scores.get(OTHER)
     names = [printable(name) for name in trained.weights.class_names]
-    if shown is None or len(names) > MOST_CLASSES:
+    if shown is None or len(names) > MAX_CLASSES:
         return
     width = max(map(len, names)) + 2
     print("predicted:".ljust(width) + "".join(name.rjust(width) for name in names))

@@ -39,7 +39,7 @@ from eskin.skin.samples import check_samples_path, write_samples
 if TYPE_CHECKING:
     from eskin.base.workers.pool import WorkerPool
 
-_MOST_LINES = 32  # differing taxels that compare lists
+_MAX_LINES = 32  # differing taxels that compare lists
 
 
 @command("Signals to events and back", fuzz="good/samples.npz --rows 1 --columns 4 -o new.npz")
@@ -211,9 +211,9 @@ def _print_counts(first: Recording, second: Recording, labels: tuple[str, str]) 
         return
     print(f"the number of events differs in {len(differing)} of {config.taxels} taxels")
     table = new_table(("row", "column", *labels, "difference"), left=(), overflow="fold")
-    for row, column in differing[:_MOST_LINES]:
+    for row, column in differing[:_MAX_LINES]:
         n, m = (int(c[row, column]) for c in counts)
         table.add_row(str(row), str(column), str(n), str(m), f"{m - n:+d}")
-    if len(differing) > _MOST_LINES:
-        table.caption = f"and {len(differing) - _MOST_LINES} more"
+    if len(differing) > _MAX_LINES:
+        table.caption = f"and {len(differing) - _MAX_LINES} more"
     show(table)

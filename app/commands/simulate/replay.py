@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from eskin.cocotb_tests.runner.replay import Plan
     from eskin.cocotb_tests.touch.plan import Plan as TouchPlan
 
-MOST_LINES = 20  # largest number of printed answers
+MAX_LINES = 20  # largest number of printed answers
 KEPT = {"runs": [{"configuration": {"encoding": str}}]}
 """Shape of the file of --keep."""
 
@@ -149,10 +149,10 @@ def _conclude_touch(plan: TouchPlan, now: dict[str, Any], noun: str) -> None:
     if summary["missing"] or not summary["events"]:
         common.fail(f"FAILED: {summary['missing']} results are missing, {summary['events']} events")
     summary = origin(plan.repeat_command) | summary | {"played_now": now}
-    for name, answer in list(summary["answers"].items())[:MOST_LINES]:
+    for name, answer in list(summary["answers"].items())[:MAX_LINES]:
         judged = "" if answer["true"] is None else ", right" if answer["class"] == answer["true"] else ", wrong"
         echo(f"{name}: {answer['class']}{judged}")
-    if (more := len(summary["answers"]) - MOST_LINES) > 0:
+    if (more := len(summary["answers"]) - MAX_LINES) > 0:
         print(f"... and {more} more, in summary.json")
     write_json(plan.folder / "summary.json", summary)
     picture = draw(plan, summary, plan.folder / "touch.png")

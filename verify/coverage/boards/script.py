@@ -16,13 +16,13 @@ from cocotb.utils import get_sim_time
 from eskin.board.changes import ChangeCoder
 from eskin.board.config import ADDRESS_BITS, BOTH_FLAG, OFF_FLAG, BoardConfig, SerialConfig
 from eskin.board.records import Class, Event, Record, Refused, Words
-from eskin.board.serial_frames import ESCAPE, FLAG, MOST_PAYLOAD, Frame, Kind
+from eskin.board.serial_frames import ESCAPE, FLAG, MAX_PAYLOAD, Frame, Kind
 from eskin.cocotb_tests.bench.line import CLOCK_NS
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.verify.coverage.boards.host import JOB, QUIET_BITS, RUN_CLOCKS, Host, Mismatch, damaged
 
 LONGEST_RUN = (1 << 32) - 1
-MOST_SAMPLES = MOST_PAYLOAD // 2 * 2
+MAX_SAMPLES = MAX_PAYLOAD // 2 * 2
 
 
 @cocotb.test()
@@ -90,7 +90,7 @@ async def frames(host: Host) -> None:
     await host.bad(stopped[:2], 1)
     await host.unknown(0)
     await host.unknown(Kind.RECORDS, b"xyz")
-    await host.unknown(Kind.HELLO + 0x40, bytes(range(256))[:MOST_PAYLOAD])
+    await host.unknown(Kind.HELLO + 0x40, bytes(range(256))[:MAX_PAYLOAD])
     await host.unknown(Kind.RESTART, b"12")
     await host.unknown(Kind.STATUS, b"12")
     if host.config.chip is None:
@@ -210,7 +210,7 @@ async def _play(host: Host, chip: ChipConfig, samples: np.ndarray, number: int) 
     codes = samples.astype("<i2").ravel()
     at, acks = 0, list[Record]()
     while at < len(codes):
-        count = host.rng.choice([1, 2, chip.readout.taxels, 3 * chip.readout.taxels, MOST_SAMPLES // 2])
+        count = host.rng.choice([1, 2, chip.readout.taxels, 3 * chip.readout.taxels, MAX_SAMPLES // 2])
         acks.append(await host.send(Kind.SAMPLES, codes[at : at + count].tobytes()))
         at += count
         await host.bits(600 if number % 2 else 12 * min(count, 60))  # or the memory for frames would be full
@@ -252,9 +252,9 @@ async def _no_room(host: Host) -> None:
     await host.hello()
     run = await host.send(Kind.RUN, (70_000).to_bytes(4, "little"))
     status = await host.send(Kind.STATUS)
-    kept = (await host.send(0x55, bytes(MOST_PAYLOAD))).sequence
+    kept = (await host.send(0x55, bytes(MAX_PAYLOAD))).sequence
     due = host.sequence
-    await host.put(Frame(0x55, due, bytes(MOST_PAYLOAD)).encode())
+    await host.put(Frame(0x55, due, bytes(MAX_PAYLOAD)).encode())
     await host.put(Frame(Kind.STATUS, due + 1, b"").encode())  # follows from it
     host.refused += 3
     while not any(isinstance(one, Refused) and one.sequence == kept for one in host.said):

@@ -9,7 +9,7 @@ import jinja2
 
 from eskin.board.config import BoardConfig
 from eskin.board.records import Reason
-from eskin.board.serial_frames import MOST_PAYLOAD
+from eskin.board.serial_frames import MAX_PAYLOAD
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig, highest, lowest
 from eskin.model.config import ReadoutConfig
@@ -66,7 +66,7 @@ def _files(config: Config | BoardConfig) -> Iterator[tuple[str, str, dict[str, A
     """Yield modules, and their files of points with values."""
     own: dict[str, Any] = {"config": config}
     if isinstance(config, BoardConfig):
-        own |= {"longest": MOST_PAYLOAD + 7, "words": MOST_PAYLOAD // 4, "records": config.serial.records}
+        own |= {"longest": MAX_PAYLOAD + 7, "words": MAX_PAYLOAD // 4, "records": config.serial.records}
         own |= {reason.name.lower(): int(reason) for reason in Reason}
         yield from ((f"board_{part}", f"board_{part}", own) for part in BOARD)
     elif isinstance(config, MergeConfig):
