@@ -81,7 +81,7 @@ def test_the_files_of_a_chip_are_clean_and_agree(tmp_path: Path) -> None:
     assert not {"bin_end", "event_row"} & set(widths)
 
 
-def test_what_does_not_fit_is_refused_in_one_sentence() -> None:
+def test_a_chip_refuses_parts_that_do_not_fit() -> None:
     with pytest.raises(
         InputError, match="has 29 input channels, but 3 x 5 taxels of lcs have 15 or 30; give the readout"
     ):

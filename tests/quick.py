@@ -28,7 +28,7 @@ BLOCKS = {
 
 OTHERS = {
     "study": "tests/studies/test_power.py::test_fig6_data_are_the_model",
-    "study of sweeps": "tests/studies/test_figures.py::test_what_is_drawn_is_what_the_sweeps_say",
+    "study of sweeps": "tests/studies/test_figures.py::test_the_figure_shows_the_values_of_the_sweeps",
     "study of networks": "tests/studies/test_trained.py::test_power_is_that_of_the_model_at_these_rates",
     "frontier": "tests/studies/test_frontier.py::test_frames_and_events_of_one_rate_and_network_are_paired",
     "sweep": "tests/snn/test_sweep.py::test_only_missing_cells_are_run",
@@ -59,7 +59,7 @@ OTHERS = {
     "make": "tests/app/test_make.py::test_make_refuses_a_wrong_variable",
     "errors": "tests/app/test_app.py::test_every_mistake_is_one_sentence",
     "network": "tests/snn/test_network.py::test_a_neuron_by_hand",
-    "limits of faults": "tests/verify/test_faults.py::test_what_goes_beyond_what_is_stated_is_a_problem",
+    "limits of faults": "tests/verify/test_faults.py::test_an_upset_beyond_the_stated_bounds_is_a_problem",
     "operators of mutants": "tests/verify/test_mutants.py::test_every_operator_makes_its_examples",
     "kernel": "tests/snn/test_network.py::test_kernel_equals_plain_autograd",
     "quick": "tests/test_quick.py",

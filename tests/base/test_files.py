@@ -30,7 +30,7 @@ def test_a_file_that_is_not_what_it_should_be_gets_one_sentence(tmp_path, monkey
     assert str(refused.value).startswith(sentence)
 
 
-def test_what_a_file_holds_comes_back(tmp_path):
+def test_a_json_file_is_read_as_written(tmp_path):
     (tmp_path / "a.json").write_text('{"a": [1, 2.5, null]}')
     assert read_json(tmp_path / "a.json", "the sweep", dict) == {"a": [1, 2.5, None]}
 

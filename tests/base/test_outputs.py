@@ -82,7 +82,7 @@ def test_a_failure_writes_nothing_to_a_stream(tmp_path: Path) -> None:
         _ = 1 // 0
 
 
-def test_what_a_killed_writer_left_goes_and_what_a_living_one_writes_stays(tmp_path: Path) -> None:
+def test_files_of_a_killed_writer_are_removed_and_of_a_running_writer_kept(tmp_path: Path) -> None:
     path = tmp_path / "[rec].npz"
     killed, living = (
         subprocess.Popen([sys.executable, "-c", KILLED, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE)

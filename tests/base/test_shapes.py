@@ -24,7 +24,7 @@ from eskin.base.shapes import misfit, read_shaped
         ({"a": [{"b": 1, "c": 3}]}, "a[0].c is 3"),
     ],
 )
-def test_what_does_not_fit_is_named(value: object, wrong: str) -> None:
+def test_a_value_of_the_wrong_shape_is_named(value: object, wrong: str) -> None:
     assert misfit(value, {"a": [{"b": float, "c": (str, None)}]}) == wrong
 
 

@@ -44,7 +44,7 @@ def test_all_pools_give_the_same_in_the_order_of_the_jobs(workers: int, threads:
 
 
 @pytest.mark.parametrize(("workers", "threads"), [(1, False), (2, True)])
-def test_what_work_refuses_is_the_sentence_of_the_whole(workers: int, threads: bool) -> None:
+def test_the_error_of_a_task_is_the_error_of_all_tasks(workers: int, threads: bool) -> None:
     with pytest.raises(InputError, match=r"^number 3 is wrong; take another$"), Local(workers, threads) as pool:
         list(each(pool, refuse, ((k,) for k in range(6))))
 

@@ -71,7 +71,7 @@ def test_play_on_a_simulated_board_is_the_models_and_sends_every_event(call: Cal
     assert as_jaer == list(zip(microseconds, *(events[name].tolist() for name in "xyp"), strict=True))
 
 
-def test_what_a_full_serial_line_brings_leaves_without_loss() -> None:
+def test_udp_forwards_all_events_of_a_full_serial_line() -> None:
     config, board_config = ReadoutConfig(), BoardConfig(chip=None)
     rng = np.random.default_rng(3)
     events = np.zeros(EVENTS_A_SECOND, EVENT_DTYPE)

@@ -116,7 +116,7 @@ def test_records_that_the_board_cannot_send_are_refused(data: bytes, sentence: s
 
 
 @pytest.mark.command("rescue")
-def test_what_a_killed_recording_left_becomes_a_recording(tmp_path: Path) -> None:
+def test_rescue_restores_a_killed_recording(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "a.npz", ReadoutConfig(), {"name": "a"})
     journal.add([(5, 1, 2, True), (9, 3, 4, False)])
     with (tmp_path / "a.npz.part").open("ab") as file:
@@ -251,7 +251,7 @@ def test_another_bitstream_is_refused(changes: dict[str, int], sentence: str) ->
         ([VERSION, 1, 0, 50_000_000, 512, 16, 3, 1 << 31], r"reports word_bytes = 2147483648, outside 0\.\.252"),
     ],
 )
-def test_what_a_board_says_of_itself_has_a_range(words: list[int], sentence: str) -> None:
+def test_a_board_with_impossible_values_is_refused(words: list[int], sentence: str) -> None:
     first = Tag.HELLO << 28 | len(words)
     data = b"".join(word.to_bytes(4, "little") for word in (first, *words))
 
@@ -323,7 +323,7 @@ def test_the_host_never_has_more_under_way_than_the_board_can_keep() -> None:
     assert 400 < most <= 512
 
 
-def test_what_comes_before_a_session_is_passed_over() -> None:
+def test_frames_from_before_a_session_are_ignored() -> None:
     def answer(frame: Frame, board: FakeBoard) -> bytes | None:
         if frame.kind != Kind.HELLO:
             return None

@@ -196,7 +196,9 @@ def test_margins_are_tried_until_one_does(tmp_path: Path, monkeypatch: pytest.Mo
     assert placed is None
 
 
-def test_what_is_missing_is_one_sentence(refuses: Any, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_tools_and_wrong_options_are_refused_in_one_sentence(
+    refuses: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(environment, "VENV", folder)
     command = "layout --rows 2 --columns 2"
     refuses("error: the layout's packages are not there; `make layout` installs them", command)

@@ -98,7 +98,9 @@ def test_the_printed_line_finds_cocotb(call: Call, folder: Path, path: str, monk
         ("--shuttle tt-ihp --size 8x2 --rows 8 --columns 8", "use --sample-rate 12207 or less"),
     ],
 )
-def test_what_a_shuttle_cannot_take_is_one_sentence(call: Call, folder: Path, options: str, sentence: str) -> None:
+def test_a_design_that_no_shuttle_takes_is_refused_in_one_sentence(
+    call: Call, folder: Path, options: str, sentence: str
+) -> None:
     code, _, error = call(f"{BASE} {options} -o chip")
     assert code == 2
     assert error.count("\n") == 1

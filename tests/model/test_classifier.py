@@ -196,7 +196,7 @@ def test_images_hold_every_weight_at_its_address(tmp_path: Path) -> None:
         ({"shade": 2, "colour": 1}, "unknown classifier field 'colour'"),
     ],
 )
-def test_what_no_hardware_has_is_refused_in_one_sentence(fields: dict[str, Any], said: str) -> None:
+def test_configurations_without_hardware_are_refused_in_one_sentence(fields: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said.replace("(", r"\(")):
         ClassifierConfig.from_dict(fields)
 

@@ -119,7 +119,7 @@ def test_encoders_see_the_signal_and_decoders_rebuild_it(encoding: Any) -> None:
         ([[[], 0], [[], 0]], "receptive_fields must leave a taxel on, but no field has a taxel"),
     ],
 )
-def test_what_is_no_field_is_one_sentence(fields: Any, sentence: str) -> None:
+def test_wrong_receptive_fields_are_refused_in_one_sentence(fields: Any, sentence: str) -> None:
     with pytest.raises(InputError, match=f"^{re.escape(sentence)}"):
         TWO.replace(receptive_fields=fields)
 

@@ -133,7 +133,7 @@ def test_frame_clocks_are_the_shortest_period(config: FrameConfig, seed: int) ->
             assert len(run.overruns) >= 1
 
 
-def test_what_happens_in_which_clock() -> None:
+def test_the_clocks_of_the_frame_readout_are_those_of_the_timing_table() -> None:
     """Check the timing table of docs/reference/frame.md: 1 x 2 taxels, N = 8, 2 settling and 3 conversion clocks."""
     config = FrameConfig(readout=ReadoutConfig(rows=1, columns=2, resolution=8), settle_clocks=2)
     model, seen = FrameModel(config), []

@@ -109,7 +109,7 @@ def test_refuses_a_polarity_byte_that_is_no_boolean() -> None:
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
 @given(recording=recordings())
-def test_what_is_saved_comes_back(recording: Recording, tmp_path: Path) -> None:
+def test_a_saved_recording_is_loaded_unchanged(recording: Recording, tmp_path: Path) -> None:
     path = tmp_path / "events.npz"
     recording.save(path)
     again = Recording.load(path)

@@ -135,7 +135,7 @@ def test_the_python_class_reads_what_it_wrote_through_slave_and_file() -> None:
         (lambda chip: Registers(ReadoutConfig(), chip.exchange), "the configuration has no registers"),
     ],
 )
-def test_what_a_chip_would_refuse_is_a_sentence(call: object, sentence: str) -> None:
+def test_the_driver_refuses_wrong_values_and_unknown_names(call: object, sentence: str) -> None:
     chip = Registers(CONFIG, Chip(CONFIG).exchange)
     with pytest.raises(InputError, match=re.escape(sentence)):
         call(chip)  # type: ignore[operator]

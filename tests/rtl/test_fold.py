@@ -99,7 +99,7 @@ endmodule
 """
 
 
-def test_what_is_used_is_declared_before() -> None:
+def test_a_wire_is_declared_before_its_first_use() -> None:
     lines = fold(LATE).splitlines()
     (declared,) = (number for number, line in enumerate(lines) if line == "  wire [1:0] high;")
     uses = [number for number, line in enumerate(lines) if "high" in line and number != declared]

@@ -71,6 +71,6 @@ def test_amaranth_finds_the_pinned_yosys() -> None:
         ({"link": "four_phase"}, "an event stream needs link 'stream', not 'four_phase'"),
     ],
 )
-def test_what_is_no_stream_is_refused(field: dict[str, Any], sentence: str) -> None:
+def test_a_stream_readout_refuses_other_links_and_front_ends(field: dict[str, Any], sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
         StreamReadout(SMALL.replace(**field))

@@ -69,7 +69,7 @@ def test_directory_gives_classes_and_images_in_alphabetical_order(textures):
     np.testing.assert_array_equal(image, pixels(0))
 
 
-def test_what_is_beside_the_listed_images_is_used_or_ignored(textures):
+def test_only_listed_images_are_read_and_all_without_sums(textures):
     """Sums may be in binary mode and in capitals; hidden files do not count; without sums everything else does."""
     sums = (textures / "SHA256SUMS").read_text()
     (textures / "SHA256SUMS").write_text("\n" + sums.replace("  ", " *").upper().replace(".PNG", ".png").lower())

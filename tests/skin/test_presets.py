@@ -241,7 +241,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("sentence", REFUSED)
-def test_what_no_scan_can_use_is_refused_in_one_sentence(sentence):
+def test_unusable_scans_are_refused_in_one_sentence(sentence):
     with pytest.raises(InputError) as refused:
         REFUSED[sentence]()
     assert str(refused.value) == sentence

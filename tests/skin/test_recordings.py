@@ -317,7 +317,7 @@ def plain_snr_db(codes: np.ndarray, config: ReadoutConfig, events: np.ndarray) -
     return 10 * math.log10(signal / noise)
 
 
-def test_what_leaves_in_the_first_tick_counts():
+def test_events_of_the_first_tick_count_as_late_and_as_load():
     config = ReadoutConfig(rows=1, columns=1, clocks_per_sample=10)
     found = measure_quality(config, np.zeros((3, 1), np.int32), make_events([3, 4, 13], 0, 0, True))
     assert (found.late, found.peak_load) == (3, 0.2)
@@ -413,7 +413,7 @@ def test_folders_that_are_no_set_get_one_sentence(tmp_path):
         sources_of(tmp_path)
 
 
-def test_what_only_has_the_name_of_a_recording_is_told_or_refused(tmp_path):
+def test_links_pipes_and_folders_named_like_recordings_are_reported_or_refused(tmp_path):
     write_skin(tmp_path / "s", each=1)
     (tmp_path / "elsewhere").mkdir()
     write_csv(tmp_path / "elsewhere/far.csv", counts("tap"))

@@ -102,7 +102,7 @@ def test_a_trained_portable_network_classifies_every_image_alike(
     assert found["classify"](found["net"], data.batch(images)).tolist() == here.tolist()
 
 
-def test_what_a_library_lacks_is_another_network_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_library_without_the_floor_gives_other_spikes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     weights, x = made(decay=0.5, output_decay=0.75), scans()
     save_nir(tmp_path / "net.nir", weights)
     without = made(decay=0.5, output_decay=0.75, **NO_FLOOR)

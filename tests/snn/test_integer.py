@@ -143,7 +143,7 @@ def test_published_networks_are_bit_exact_in_the_rtl(folder: Path, eskin: Any, m
         ({"kind": "gru"}, "the hardware needs a spiking network, not kind gru"),
     ],
 )
-def test_what_the_hardware_has_not_is_refused(fields: dict[str, Any], said: str) -> None:
+def test_networks_without_hardware_are_not_quantised(fields: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         quantise(weights_of(network(**fields)), Precision())
 

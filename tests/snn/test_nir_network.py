@@ -236,7 +236,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_the_network_cannot_express_is_refused_by_the_name_of_its_node(name: str) -> None:
+def test_an_unsupported_nir_node_is_refused_by_name(name: str) -> None:
     changes, message = REFUSED[name]
     with pytest.raises(InputError, match=message):
         from_nir(foreign(**changes), step_s=0.001)
@@ -360,7 +360,7 @@ def test_an_export_says_what_other_libraries_lack(eskin: Any, folder: Path) -> N
     assert "snnTorch and Norse support every feature of this network" in eskin("export w.npz -o net.nir")[0]
 
 
-def test_what_is_lacking_is_taken_away_one_after_the_other() -> None:
+def test_missing_features_of_a_library_are_removed_one_by_one() -> None:
     found = lacks(made(**VARIANTS["tuned"]).network)
     assert [lack.name for lack in found] == ["the floor", "LI"]
     state = made(**VARIANTS["tuned"]).network.state_dict()

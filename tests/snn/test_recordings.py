@@ -315,7 +315,9 @@ def test_a_frame_is_the_newest_sample(folder: Path) -> None:
         ),
     ],
 )
-def test_what_own_recordings_cannot_have_is_refused(words: str, sentence: str, eskin: Any, folder: Path) -> None:
+def test_options_that_contradict_own_recordings_are_refused(
+    words: str, sentence: str, eskin: Any, folder: Path
+) -> None:
     write_skin(folder / "skin", taxels=4, each=6)
     save_weights(Path("weights.npz"), some_weights(("press", "stroke", "tap"), 0.1, inputs=8))
     _, error = eskin(words, code=2)

@@ -45,7 +45,7 @@ def test_a_window_lies_within_its_recording_and_differs_every_time() -> None:
     assert max(begins) <= 260
 
 
-def test_what_fills_a_recording_up_changes_nothing() -> None:
+def test_padding_of_a_recording_does_not_change_its_logits() -> None:
     data = recordings()
     fields = {"inputs": 2, "classes": 2, "hidden": 8, "readout": "membrane", "output_decay": 0.9}
     found = train(Split(data, np.arange(24)), NetworkConfig.from_dict(fields), TrainConfig(epochs=1), 0)

@@ -94,7 +94,7 @@ def marks(panel: Any) -> list[tuple[float, float, str, bool]]:
 
 @pytest.mark.parametrize("reading", ["last", "selected"])
 @pytest.mark.usefixtures("sweeps")
-def test_what_is_drawn_is_what_the_sweeps_say(folder: Path, monkeypatch: pytest.MonkeyPatch, reading: str) -> None:
+def test_the_figure_shows_the_values_of_the_sweeps(folder: Path, monkeypatch: pytest.MonkeyPatch, reading: str) -> None:
     monkeypatch.setattr(figures, "READING", reading)
     written = [result.make("fig9", folder / "out") for result in figures.RESULTS]
     contents = [json.loads(path.read_text()) for path, _ in written]

@@ -64,7 +64,7 @@ def test_points_leave_a_module_what_it_is() -> None:
         named(TEXT, {"eskin_b": POINTS})
 
 
-def test_what_is_not_reached_needs_a_reason() -> None:
+def test_an_unreached_construct_needs_a_waiver() -> None:
     branch, bit, point = construct("branch", "if"), construct("toggle", "low[1]:0->1"), construct("point", "point_both")
     reached = Reached(Counter({branch: 0, bit: 0, construct("line", "block"): 5, point: 1}), ["one"])
     verdict = judge(reached, [Waiver("toggle", "eskin_a", "x has no second bit there", "low*")])
@@ -132,9 +132,7 @@ def test_a_dead_line_and_a_stimulus_that_is_missing_are_reported(
     assert any("point eskin_readout" in problem and "point_lowest_code" in problem for problem in problems)
 
 
-def test_what_is_kept_is_not_played_again_and_the_command_ends_with_its_one_line(
-    call: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_coverage_reuses_cached_runs_and_ends_with_its_summary_line(call: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     played: list[str] = []
 
     def plays(config: object, folder: Path) -> None:

@@ -105,7 +105,7 @@ def test_a_merge_loses_repeats_or_changes_one_event_at_most() -> None:
     assert line["others changed"] > line["others moved"] > 0
 
 
-def test_what_the_host_wrote_stays_until_it_writes_again_and_all_else_passes() -> None:
+def test_an_upset_setting_stays_until_the_host_writes_it_and_others_recover() -> None:
     lines, problems = run(Trial(hosts()[-1], stride=197))
     assert problems == []
     of = {line["block"]: line for line in lines}
@@ -164,7 +164,7 @@ def test_a_block_that_an_upset_stops_or_shifts_for_good_is_found(found: tuple[An
         assert problem in {problems_of(trial, upset) for upset in upsets_of(trial, flops)}
 
 
-def test_what_goes_beyond_what_is_stated_is_a_problem() -> None:
+def test_an_upset_beyond_the_stated_bounds_is_a_problem() -> None:
     trial = Trial(HANDSHAKE, calm=True)
     taxel = Upset("row_0.taxel_1.pending", 9, "others changed", 3, 3, 0, 0, 1)
     assert problems_of(trial, taxel) == "0 events of others lost and 1 added, 0 stated"
