@@ -141,8 +141,8 @@ def _unused(text: str, config: Config) -> Iterator[tuple[str, str, str]]:
     """Yield module and name of every signal that may be unused in a Verilog text, and the reason."""
     awake = "low in a clock at whose end no register changes: for a clock gate, should there be one"
     of_array = (
-        "low in a clock at whose end no register of rows and arbiter changes: for a clock gate of these, never of the "
-        "link or the registers of a host"
+        "low in a clock at whose end no register of rows and arbiter changes: for their clock gate, never for that of "
+        "link or host registers"
     )
     readout = config.readout if isinstance(config, ChipConfig) else config
     network = config.classifier if isinstance(config, ChipConfig) else config

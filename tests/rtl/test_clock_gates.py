@@ -60,7 +60,7 @@ def test_header_and_description_tell_of_the_gates() -> None:
         text = verilog(FEW, gated=gated)
         assert ("//   clock_gates = True\n" in text) is gated
         assert json.loads(description(FEW, gated))["clock_gates"] is gated
-        assert "never of the link or the registers of a host" in text
+        assert "never for that of link or host registers" in text
 
 
 def test_the_synchronisers_and_the_limiter_are_marked_in_both_texts() -> None:
