@@ -2,7 +2,6 @@
 
 import json
 import os
-import threading
 from pathlib import Path
 from typing import Any
 
@@ -98,11 +97,11 @@ def test_the_file_beside_the_verilog_is_a_configuration(folder: Path) -> None:
 
 def test_a_configuration_may_come_through_a_pipe(folder: Path) -> None:
     """Read a configuration from a pipe, as with the shell's ``--config <(...)``."""
-    os.mkfifo("pipe")
-    writer = threading.Thread(target=lambda: Path("pipe").write_text('{"rows": 3}'))
-    writer.start()
-    config, given = build_config({}, None, Path("pipe"))
-    writer.join()
+    reading, writing = os.pipe()
+    with os.fdopen(writing, "w") as pipe:
+        pipe.write('{"rows": 3}')
+    config, given = build_config({}, None, Path(f"/dev/fd/{reading}"))
+    os.close(reading)
     assert (config, given) == (ReadoutConfig(rows=3), {"rows"})
 
 

@@ -129,7 +129,7 @@ def test_events_go_out_and_come_back(eskin: Any, folder: Path) -> None:
         ("convert e.npz -o e.npy --bin 0.01", "--bin is only for .nir, not for e.npy; leave it out"),
         ("convert e.npz -o e.nir --unit us", "--unit is only for .npy and .csv, not for e.nir; leave it out"),
         ("convert e.npz -o e.npy --unit ms", "--unit must be us or clocks, not 'ms'"),
-        ("convert e.dat -o e.npy", "e.dat has an unknown format; give events as .npz, .nir, .aedat4, or as a table"),
+        ("convert e.xyz -o e.npy", "e.xyz has an unknown format; give events as .npz, .nir, .aedat4, or as a table"),
         ("convert broken.nir -o e.npz", "broken.nir is damaged or not NIRData; convert its event file again"),
     ],
 )
