@@ -79,10 +79,10 @@ def _hosts() -> Iterator[Run]:
     for name, steps, configs in (
         ("registers", registers.steps, cases(base, **axes("encoding"), receptive_fields=("own", SETTABLE))),
         ("pattern", pattern.steps, cases(base, **axes("encoding"))),
-        ("spi", spi.steps, [base]),
+        ("spi", spi.steps, cases(base, **axes("reset"))),
     ):
         for config in configs:
-            own = f"{name} alone {config.encoding} {config.receptive_fields}"
+            own = f"{name} alone {config.encoding} {config.receptive_fields} {config.reset}"
             yield Run(own, config, stimuli.alone(f"eskin_{name}", steps, 11, 12, 13))
 
 

@@ -103,6 +103,8 @@ def directed_host(config: ReadoutConfig, rng: random.Random) -> list[Any]:
     for number in range(20):  # again and again, at other clocks of what the array does
         for register in settings[:3]:
             write(register.address, 1 if register.name == "control" else register.reset, gap=3 + number)
+        write(test.address, 1, gap=30 + number)
+        write(test.address, 0, gap=30 + number)
     for bits in (1, 15, 16, 47):
         cut = transfer(0x10, [2], True)[:bits]
         pins.extend(waveform(cut, Timing(2, 2)))
@@ -117,7 +119,7 @@ def directed_host(config: ReadoutConfig, rng: random.Random) -> list[Any]:
 
 def host(config: ReadoutConfig, folder: Path) -> None:
     """Simulate a host that changes all settings while the array sends events."""
-    for seed, anything in ((5, False), (6, True))[: 2 if config.frontend == "analog" else 1]:
+    for seed, anything in ((5, False), (6, config.frontend == "analog")):
         play_host(config, VERILATOR, folder, seed, directed_host(config, random.Random(seed)), anything)
 
 
