@@ -15,7 +15,7 @@ from eskin.base.errors import InputError
 from eskin.model.address_events import EVENT_DTYPE, Events, make_events, no_events
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
-from eskin.model.events.recording import Recording
+from eskin.model.events.recording import MAX_CLOCKS, Recording
 from tests.model.refused import refused
 
 CONFIG = ReadoutConfig(rows=3, columns=5)
@@ -37,7 +37,7 @@ def recordings(draw: st.DrawFn) -> Recording:
         encoding=draw(st.sampled_from(registry.NAMES)),
         sample_rate_hz=draw(st.floats(1e-3, 1e9)),
     )
-    duration = draw(st.integers(1, 2**62))
+    duration = draw(st.integers(1, MAX_CLOCKS))
     t = sorted(draw(st.lists(st.integers(0, duration - 1), max_size=40)))
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     n = len(t)
