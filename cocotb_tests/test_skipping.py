@@ -47,7 +47,7 @@ def test_skipped_scans_of_a_chip_have_the_potentials_and_classes_of_the_models(t
 BROKEN: dict[str, tuple[Encoding, str, str, str]] = {
     "stuck low": ("lcs", "eskin_readout", r"(assign awake =)[^;]*;", r"\1 1'b0;"),
     "without a row": ("nlcs", "eskin_readout", r"(\| )row_1_awake", r"\g<1>1'b0"),
-    "without a taxel": ("lcs", "eskin_row", r"(\| )taxel_1_stirs", r"\g<1>1'b0"),
+    "without a taxel": ("lcs", "eskin_row", r"(\| )taxel_1_needs_clock", r"\g<1>1'b0"),
 }
 
 

@@ -41,7 +41,11 @@ ONE: dict[str, Any] = {"rows": (1,), "columns": (1,), "registers": ("none",)}  #
 PLAIN: dict[str, Any] = ONE | {"encoding": ("lcs",), "sample_bits": (3,), "frontend": ("digital",), "link": ("stream",)}
 PLANTED: dict[str, tuple[tuple[str, str, str], dict[str, Any], int]] = {
     "a step": (("encoders.encoder", "else difference >= half_width", "else difference > half_width"), ONE, 10),
-    "a mask": (("taxel", "self.request.eq(own.pending & self.enable)", "self.request.eq(own.pending)"), PLAIN, 100),
+    "a mask": (
+        ("taxel", "self.request.eq(shared.pending & self.enable)", "self.request.eq(shared.pending)"),
+        PLAIN,
+        100,
+    ),
     "a link": (
         ("links.four_phase", "ack_sync.eq(ack_meta)", "ack_sync.eq(self.aer_ack)"),
         ONE | {"link": ("four_phase",)},
