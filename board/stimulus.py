@@ -92,4 +92,4 @@ def recordings_of(weights: IntegerWeights, readout: ReadoutConfig, place: Path) 
     said = weights.notes["training"]["recordings"]
     if said is None:
         raise InputError("these weights were trained on textures; leave --data out, or train on recordings")
-    return read_set(place, OwnReadout.from_dict(said).options, readout, EVERY_FIELD)
+    return read_set(place, OwnReadout.from_dict(said).options, readout, EVERY_FIELD, flat=True)  # without labels too
