@@ -67,6 +67,7 @@ def stages() -> Rows:
 def coverage() -> Rows:
     """Yield the coverage of the Verilog by kind."""
     words = {"line": "lines", "branch": "branches", "toggle": "toggles", "condition": "terms of conditions"}
+    words |= {"point": "points of the specification"}
     for kind, word in words.items():
         one = evidence("coverage/constructs")[kind]
         yield one | {"word": word, "left": one["total"] - one["reached"] - one["explained"]}
