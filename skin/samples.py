@@ -2,7 +2,6 @@
 
 import io
 import math
-import re
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,10 +16,6 @@ from eskin.base.outputs import check_file
 from eskin.model.config import MAX_SIDE
 
 SIGNAL_SUFFIXES = (".npy", ".npz", ".csv")
-_ARRAY = "samples"
-_RATE = "sample_rate_hz"
-_COMMA, _THOUSANDS = re.compile(r"[-+]?\d+,\d+"), re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
-_NOT_A_CODE = re.compile(rb"[.eEnN]")  # parts that only a float has: point, exponent, nan, inf
 
 
 def content_of(path: Path, what: str, most: int = MAX_TEXT_BYTES) -> bytes:
