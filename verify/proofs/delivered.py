@@ -1,32 +1,30 @@
 """Prove the delivered Verilog equivalent, module by module, to the RTLIL used in the other proofs.
 
 Modules, ports, instances and memories of both must have the same names. Within a module every output, every input of
-an instance or memory, and every register of the same name on both sides is a point. Yosys proves each point equal for
-all inputs and all values of the points before it, by induction where one clock is not enough. What is inside an
-instance is proved with its own module, so a large array takes seconds.
+an instance or memory, and every register is a point. A point must be the same function of registers and inputs on both
+sides. Nothing is assumed about which states can be reached. The content of an instance is proved with its own module,
+so a large array takes seconds.
 """
 
 import json
 import re
 from typing import Any
 
+from eskin.flow.asic.compare import FLOP, compare
 from eskin.rtl import yosys
+from eskin.rtl.gates.cells import Bit, highest_net
 from eskin.rtl.verilog import Config, rtlil, verilog
 
 READ = {"gold": "read_rtlil gold.il", "gate": "read_verilog gate.v"}
 NETS = (
-    "; proc; opt_clean; async2sync; memory -nomap -nordff; memory_nordff; opt_expr -mux_undef; opt_clean; "
-    "write_json {side}.json; design -reset; "
+    "; proc; opt_clean; memory -nomap -nordff; memory_nordff; opt_expr -mux_undef; opt_clean; "
+    "techmap; dffunmap; simplemap; opt_clean; write_json {side}.json; design -reset; "
 )
 """Registers of what a memory reads are registers like others; where nothing is written the address may be any."""
 
-PROVE = "read_json {side}.json; design -stash {side}; "
-PAIR = (
-    "design -copy-from gold -as {name}_gold {name}; design -copy-from gate -as {name}_gate {name}; "
-    "equiv_make {name}_gold {name}_gate {name}_equiv; "
-)
-SOLVE = "select *_equiv; opt_clean; equiv_simple{undef}; equiv_induct{undef}; tee -q -o said.txt equiv_status"
-UNPROVEN = re.compile(r"Unproven \$equiv \S+: (.*)")
+SPELLED = re.compile(r"\\?\$(signal)\$(\d+)$|\b(memory)\[(\d+)\]$")
+"""Names in RTLIL that the Verilog writes with an underscore: unnamed signals, and words of flops."""
+
 UNDEFINED = re.compile(r"'s?[bdho][0-9a-f_]*[xz]")
 MEMORY = "$mem_v2"
 DATA = ("INIT", "MEMID", "RD_CLK_POLARITY", "RD_INIT_VALUE", "RD_ARST_VALUE", "RD_SRST_VALUE")
@@ -47,16 +45,15 @@ def prove(gold_rtlil: str, gate_verilog: str, initial: bool = False) -> dict[str
     gold_rtlil, gate_verilog : str
         Both texts, with modules of the same names.
     initial : bool
-        Compare initial values of registers and memories too, as an FPGA has them, and allow undefined constants where
-        the RTLIL has them.
+        Compare initial values of registers and memories too, as an FPGA has them.
 
     Raises
     ------
     Different
-        If the texts do not have the same modules, ports, instances and memories, or if a point is not proved equal.
+        If the texts do not have the same modules, ports, instances and memories, if a point is not proved equal, or if
+        the Verilog has an undefined constant.
     """
-    undefined = UNDEFINED.search(gate_verilog)
-    if undefined and not initial:
+    if undefined := UNDEFINED.search(gate_verilog):
         raise Different(f"the Verilog has the undefined constant {undefined[0]}")
     files = {"gold.il": gold_rtlil.encode(), "gate.v": gate_verilog.encode()}
     script = "".join(READ[side] + NETS.format(side=side) for side in READ)
@@ -68,28 +65,15 @@ def prove(gold_rtlil: str, gate_verilog: str, initial: bool = False) -> dict[str
         _same(f"instances and memories of {name}", _cells(gold, name), _cells(gate, name))
         if initial:
             _same(f"initial values of {name}", _initial(gold[name]), _initial(gate[name]))
-    opened = {
-        side: {name: _opened(design, name) for name in design} for side, design in (("gold", gold), ("gate", gate))
-    }
-    numbers = {name: f"module_{number}" for number, name in enumerate(gold)}
-    files = {
-        f"{side}.json": json.dumps({"modules": {numbers[name]: module for name, module in modules.items()}}).encode()
-        for side, modules in opened.items()
-    }
-    script = "".join(PROVE.format(side=side) for side in READ)
-    script += "".join(PAIR.format(name=name) for name in numbers.values()) + SOLVE.format(
-        undef=" -undef" * bool(undefined)
-    )
-    said = yosys.run(script, "", "said.txt", files)
-    points = {}
-    for name, number in numbers.items():
-        of_module = re.search(rf"Found (\d+) \$equiv cells in {number}_equiv:\n(?:  .*\n)*", said)
-        if not of_module:
-            raise Different(f"nothing is compared in {name}")
-        unproven = UNPROVEN.findall(of_module[0])
-        if unproven or f"{of_module[1]} are proven and 0 are unproven" not in of_module[0]:
-            raise Different(f"{name}: not proved equal: {', '.join(unproven).replace(chr(92), '')}")
-        points[name] = int(of_module[1])
+    for module in (*gold.values(), *gate.values()):
+        module["netnames"] = {SPELLED.sub(r"\1\3_\2\4", net): bits for net, bits in module["netnames"].items()}
+    both = [{name: _opened(design, name) for name in design} for design in (gold, gate)]
+    points = {name: _points(module) for name, module in both[1].items()}
+    if not all(points.values()):
+        raise Different(f"nothing is compared in {min(points, key=lambda name: points[name])}")
+    proved, differ = compare(*(_side_by_side(modules) for modules in both))
+    if differ or proved != sum(points.values()):
+        raise Different(f"not proved equal: {', '.join(differ[:5])}")
     return points
 
 
@@ -129,9 +113,7 @@ def _initial(module: Design) -> dict[str, Any]:
 def _opened(design: Design, name: str) -> Design:
     """Return a module with its instances and memories removed and their pins made ports."""
     module = json.loads(json.dumps(design[name]))
-    highest = max(
-        (bit for net in module["netnames"].values() for bit in net["bits"] if isinstance(bit, int)), default=1
-    )
+    highest = highest_net(module)
     for cell_name in _cells(design, name):
         cell = module["cells"].pop(cell_name)
         ports = _ports(design[cell["type"]]) if cell["type"] in design else _memory_ports(cell)
@@ -148,6 +130,31 @@ def _opened(design: Design, name: str) -> Design:
     for net in module["netnames"].values():
         net["attributes"].pop("init", None)
     return module
+
+
+def _points(module: Design) -> int:
+    outputs = [port["bits"] for port in module["ports"].values() if port["direction"] == "output"]
+    return sum(map(len, outputs)) + sum(FLOP.fullmatch(cell["type"]) is not None for cell in module["cells"].values())
+
+
+def _side_by_side(modules: dict[str, Design]) -> Design:
+    """Return one module with all cells, ports and nets of some modules, ``MODULE:NAME``, on nets of their own."""
+    whole: Design = {"ports": {}, "cells": {}, "netnames": {}}
+    first = 0
+    for name, module in modules.items():
+
+        def moved(bits: list[Bit], by: int = first) -> list[Bit]:
+            return [bit + by if isinstance(bit, int) else bit for bit in bits]
+
+        for cell in module["cells"].values():
+            cell["connections"] = {pin: moved(bits) for pin, bits in cell["connections"].items()}
+        for kind in ("ports", "netnames"):
+            for entry in module[kind].values():
+                entry["bits"] = moved(entry["bits"])
+        for kind, entries in whole.items():
+            entries |= {f"{name}:{entry}": found for entry, found in module[kind].items()}
+        first = highest_net(module)
+    return whole
 
 
 def _memory_ports(cell: Design) -> dict[str, tuple[str, int]]:

@@ -1,14 +1,13 @@
 """Prove that Verilog with clock gates is equivalent to the RTL."""
 
 import json
-import re
 from typing import Any
 
 from eskin.flow.asic.compare import add, compare
 from eskin.rtl import yosys
 from eskin.rtl.gates.clock_gates import FLOPS, GATE, STUB, TEST
 from eskin.rtl.verilog import Config, rtlil, top_block, verilog
-from eskin.verify.proofs.delivered import DATA, MEMORY, UNDEFINED, Different
+from eskin.verify.proofs.delivered import DATA, MEMORY, SPELLED, UNDEFINED, Different
 
 READ = {
     "gold": "read_rtlil readout.il; delete t:$meminit_v2; ",
@@ -20,8 +19,6 @@ FLAT = (
     "flatten; memory_collect; setattr -unset init w:*; delete t:$scopeinfo; techmap; dffunmap; simplemap; opt_clean; "
     "rename {top} {side}; write_json {side}.json; design -reset; "
 )
-SPELLED = re.compile(r"\\?\$(signal)\$(\d+)$|\b(memory)\[(\d+)\]$")
-"""Names in RTLIL that the Verilog writes with an underscore: unnamed signals, and words of flops."""
 
 
 def prove_gated(config: Config, text: str = "") -> int:
