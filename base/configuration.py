@@ -4,6 +4,7 @@ import dataclasses
 import json
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, Self, get_args, get_type_hints
 
 from eskin.base.errors import InputError
@@ -31,6 +32,14 @@ def refuse_unknown(names: Collection[str], known: Collection[str], noun: str) ->
         raise InputError(f"unknown {noun} field {unknown[0]!r}; known fields are {', '.join(sorted(known))}")
 
 
+_hints = cache(get_type_hints)  # which takes a millisecond
+
+
+def hints_of(cls: type) -> dict[str, Any]:
+    """Return the types of the fields of a configuration class."""
+    return _hints(cls)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Configuration:
     """Base of configuration classes: checks of the fields, copies, and dictionaries."""
@@ -43,15 +52,15 @@ class Configuration:
         return name
 
     def _check_types(self, but: Collection[str] = ()) -> None:
-        """Check the types of all fields; convert an int to float if the field is a float."""
-        hints = get_type_hints(type(self))
+        """Check the types of all fields; convert an int to float if the field may be a float."""
+        hints = hints_of(type(self))
         for name in (one.name for one in dataclasses.fields(self) if one.name not in but):
             hint, value, label = hints[name], getattr(self, name), self._label(name)
             choices = get_args(hint)
             if choices and isinstance(choices[0], str):
                 if value not in choices:
                     raise InputError(f"{label} must be one of {', '.join(choices)}, not {value!r}")
-            elif hint is float and type(value) is int and abs(value) < 2**53:
+            elif float in (hint, *choices) and type(value) is int and abs(value) < 2**53:
                 object.__setattr__(self, name, float(value))
             elif type(value) not in (choices or (hint,)):
                 wanted = " or ".join("None" if one is type(None) else one.__name__ for one in choices or (hint,))
@@ -60,7 +69,8 @@ class Configuration:
     def _check_range(self, name: str, low: float, high: float, high_name: str = "", low_name: str = "") -> None:
         value = getattr(self, name)
         if not low <= value <= high:
-            least, most = (f"{named} = {end}" if named else end for named, end in ((low_name, low), (high_name, high)))
+            ends = [f"{end:g}" if isinstance(end, float) else f"{end}" for end in (low, high)]
+            least, most = (f"{n} = {end}" if n else end for n, end in zip((low_name, high_name), ends, strict=True))
             raise InputError(f"{self._label(name)} must be in {least}..{most}, not {value}")
 
     def _check_least(self, name: str, least: int) -> None:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from typing import Any
 
-from eskin.base.configuration import parameter
+from eskin.base.configuration import Configuration, parameter
 from eskin.base.errors import InputError
 from eskin.model.config import MAX_SIDE
 
@@ -28,7 +27,7 @@ MIN_RESOLUTION, MAX_RESOLUTION = 1, 10
 
 
 @dataclass(frozen=True, kw_only=True)
-class PowerParameters:
+class PowerParameters(Configuration):
     """The constants of both modes of the power model; immutable and validated.
 
     ``dataclasses.fields(PowerParameters)`` gives unit, source and meaning of each in its ``metadata``; the command
@@ -94,18 +93,15 @@ class PowerParameters:
     )
 
     def __post_init__(self) -> None:
+        self._check_types()
         for field in dataclasses.fields(self):
             name, value, unit = field.name, getattr(self, field.name), field.metadata["unit"]
-            if isinstance(value, bool) or not isinstance(value, (int, float)):
-                raise InputError(f"{name} must be a number, not {value!r}")
-            if isinstance(field.default, int):
-                if value != int(value) or not 1 <= value <= MAX_SIDE:
-                    raise InputError(f"{name} must be a whole number in 1..{MAX_SIDE}, not {value!r}")
-                object.__setattr__(self, name, int(value))
+            if isinstance(value, int):
+                self._check_range(name, 1, MAX_SIDE)
             elif not (math.isfinite(value) and value > 0):
                 raise InputError(f"{name} must be a positive number{f' in {unit}' if unit else ''}, not {value!r}")
-            elif not SMALLEST**2 <= value <= LARGEST:
-                raise InputError(f"{name} must be in {SMALLEST**2:g}..{LARGEST:g}, not {value!r}")
+            else:
+                self._check_range(name, SMALLEST**2, LARGEST)
         for name in (
             *("mean_signal", "settling_share", "settling_error_lsb", "stage_noise_share"),
             *("comparator_share", "line_share", "logic_share", "io_toggle", "pads_toggle"),
@@ -138,20 +134,18 @@ class PowerParameters:
         """Thermal voltage U_T = kT/q in volts."""
         return self.thermal_energy_j / self.electron_c
 
-    def replace(self, **changes: Any) -> PowerParameters:
-        """Return a validated copy with changed parameters."""
-        known = {f.name for f in dataclasses.fields(self)}
-        if unknown := sorted(set(changes) - known):
+    @classmethod
+    def _check_names(cls, names: Collection[str]) -> None:
+        if unknown := sorted(set(names) - {field.name for field in dataclasses.fields(cls)}):
             raise InputError(f"unknown parameter {unknown[0]!r}; eskin power --parameters lists them")
-        return dataclasses.replace(self, **changes)
 
     def with_settings(self, settings: Iterable[str]) -> PowerParameters:
         """Return a copy with parameters changed by texts such as ``io_voltage_v=3.3``."""
-        changes = {}
+        changes: dict[str, float] = {}
         for setting in settings:
             name, equals, text = setting.partition("=")
             try:
-                changes[name] = float(text)
+                changes[name] = int(text) if text.isdecimal() else float(text)
             except ValueError:
                 equals = ""
             if not equals:

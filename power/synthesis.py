@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args, get_type_hints
+from typing import Any, Literal
 
+from eskin.base.configuration import Configuration
 from eskin.base.errors import InputError
 from eskin.base.files import read_json
 from eskin.model.config import MAX_SIDE
@@ -29,7 +29,7 @@ MOST = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class SynthesisReport:
+class SynthesisReport(Configuration):
     """Area and power of the digital logic of one readout, without pads."""
 
     readout: Readout
@@ -50,23 +50,13 @@ class SynthesisReport:
     leak: Leak = "analog"
 
     def __post_init__(self) -> None:
-        for name, hint in get_type_hints(type(self)).items():
-            value = getattr(self, name)
-            if choices := get_args(hint):
-                if value not in choices:
-                    raise InputError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
-            elif hint is str:
-                if not isinstance(value, str):
-                    raise InputError(f"{name} must be text, not {value!r}")
-            elif hint is int:
-                if type(value) is not int or not 1 <= value <= MAX_SIDE:
-                    raise InputError(f"{name} must be a whole number in 1..{MAX_SIDE}, not {value!r}")
-            elif isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-                raise InputError(f"{name} must be a number, not {value!r}")
-            elif value > MOST[name]:
-                raise InputError(f"{name} must be at most {MOST[name]:g}, not {value!r}")
-            elif value < 0 or (value == 0 and name in ("clock_hz", "supply_v")):
-                raise InputError(f"{name} must be {'positive' if value == 0 else 'at least 0'}, not {value!r}")
+        self._check_types()
+        for name in ("rows", "columns"):
+            self._check_range(name, 1, MAX_SIDE)
+        for name, most in MOST.items():
+            self._check_range(name, 0.0, most)
+            if not getattr(self, name) and name in ("clock_hz", "supply_v"):
+                raise InputError(f"{name} must be positive, not 0")
 
     def power_w(self, taxels: int, event_rate_hz: Any) -> Any:
         """Return the digital power in watts, in the shape of the event rate.

@@ -3,9 +3,8 @@
 import dataclasses
 import math
 from collections.abc import Collection
-from typing import get_type_hints
 
-from eskin.base.configuration import Configuration
+from eskin.base.configuration import Configuration, hints_of
 from eskin.base.errors import InputError
 
 LARGEST = (2 - 2**-23) * 2.0**127
@@ -17,7 +16,7 @@ class NetworkFields(Configuration):
     """Base of configurations whose floats are those of float32; files have the text of a float that JSON lacks."""
 
     def _check_types(self, but: Collection[str] = ()) -> None:
-        hints = get_type_hints(type(self))
+        hints = hints_of(type(self))
         floats = [field.name for field in dataclasses.fields(self) if hints[field.name] is float]
         for name in floats:
             if getattr(self, name) in ("inf", "-inf", "nan"):

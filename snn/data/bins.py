@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from eskin.base.configuration import Configuration
 from eskin.base.errors import InputError
 from eskin.model.address_events import Events, taxel_of
 from eskin.model.config import ReadoutConfig
@@ -21,7 +22,7 @@ MAX_COUNTS = 2**28
 
 
 @dataclass(frozen=True, kw_only=True)
-class BinConfig:
+class BinConfig(Configuration):
     """Parameters of the conversion from events to counts per time bin."""
 
     bin_s: float = 0.004
@@ -34,7 +35,8 @@ class BinConfig:
     """ON and OFF events of a taxel are two channels; else they are counted together."""
 
     def __post_init__(self) -> None:
-        if isinstance(self.bin_s, bool) or not (math.isfinite(self.bin_s) and self.bin_s > 0):
+        self._check_types()
+        if not (math.isfinite(self.bin_s) and self.bin_s > 0):
             raise InputError(f"bin_s must be a positive number of seconds, not {self.bin_s!r}")
         for name in ("start_s", "stop_s"):
             value = getattr(self, name)
