@@ -38,7 +38,7 @@ SIZES = {
     "fpga": 205,
     "lint": 16,
     "registers": 40,
-    "dev": 145,
+    "dev": 160,
     "mutants": 30,
     "exchange": 50,
     "docs": 65,

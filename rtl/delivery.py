@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from amaranth.lib import wiring
 from eskin.base.files import atomic_write
 from eskin.base.pages import templates
 from eskin.model import __version__
+from eskin.model.bus.config import BusConfig
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
@@ -19,10 +20,11 @@ from eskin.model.frame_config import FrameConfig
 from eskin.model.registers.description import NAME
 from eskin.model.registers.export import c_header, page
 from eskin.model.tiles.config import MergeConfig, TilesConfig
+from eskin.rtl.bus.wrapper import AxiReadout
 from eskin.rtl.gates.clock_gates import BEHAVIOUR, GATE, TEST
 from eskin.rtl.links import registry as links
 from eskin.rtl.text.testbench import has_testbench, testbench
-from eskin.rtl.verilog import Config, header, top_block, verilog, what_is
+from eskin.rtl.verilog import Config, header, top_block, verilog, what_is, wrapper
 
 PORTS_OF_ALL = {"clk": "clock, rising edge", "rst": "reset, active high, {reset}"}
 
@@ -51,6 +53,39 @@ HOST_PORTS = {
     "spi_miso_enable": "opens the pad of spi_miso: a transfer is under way",
 }
 """Meaning of the ports of the spiking readout behind those of its link."""
+
+BUS_PORTS = {
+    "aclk": "clock, rising edge",
+    "aresetn": "reset, active low, {reset}",
+    **{name: meaning for name, meaning in PORTS.items() if name not in PORTS_OF_ALL},
+    "m_axis_tvalid": "an address event is offered",
+    "m_axis_tready": "the sink takes the event at this edge",
+    "m_axis_tdata": "{data_bits}",
+    "m_axis_tlast": "the last event of a packet: events of one row in rising columns without a pause",
+    "s_axi_awaddr": "address of a register in bytes; the lowest two bits have no effect",
+    "s_axi_awprot": "no effect",
+    "s_axi_awvalid": "write address",
+    "s_axi_awready": "high together with s_axi_wready",
+    "s_axi_wdata": "the word",
+    "s_axi_wstrb": "1111, else nothing is written",
+    "s_axi_wvalid": "write data",
+    "s_axi_wready": "high together with s_axi_awready",
+    "s_axi_bresp": "10 (SLVERR) for a write without all strobes, else 00 (OKAY)",
+    "s_axi_bvalid": "write response: the write has taken effect",
+    "s_axi_bready": "the response is taken",
+    "s_axi_araddr": "address of a register in bytes; the lowest two bits have no effect",
+    "s_axi_arprot": "no effect",
+    "s_axi_arvalid": "read address",
+    "s_axi_arready": "it is taken",
+    "s_axi_rdata": "the word",
+    "s_axi_rresp": "00 (OKAY)",
+    "s_axi_rvalid": "read response",
+    "s_axi_rready": "the response is taken",
+}
+"""Meaning of the ports of a readout behind AXI."""
+
+CLOCK_AND_RESET: dict[type, tuple[str, str]] = {BusConfig: ("aclk", "aresetn")}
+"""Names of clock and reset where they are not clk and rst."""
 
 OUTSIDE = 0.2
 """Share of the period for the logic that drives an input or takes an output."""
@@ -174,11 +209,17 @@ def _meanings(config: ReadoutConfig) -> dict[str, str]:
 
 def _address_bits(config: ReadoutConfig) -> str:
     """Return the meaning of each bit of an address, such as ``[4] polarity (1 = ON), [3:2] row, [1:0] column``."""
-    parts, low = [], 0
     polarity = config.has_polarity and not config.protocol.request_has_polarity
-    for name, bits in (("column", config.column_bits), ("row", config.row_bits), ("polarity (1 = ON)", int(polarity))):
+    return _bits({"column": config.column_bits, "row": config.row_bits, "polarity": int(polarity)})
+
+
+def _bits(fields: Mapping[str, int]) -> str:
+    """Return the meaning of each bit of a word, whose fields are given from the lowest one on by their widths."""
+    parts, low = [], 0
+    for name, bits in fields.items():
+        shown = "polarity (1 = ON)" if name == "polarity" else name
         if bits:
-            parts.append(f"[{low}] {name}" if bits == 1 else f"[{low + bits - 1}:{low}] {name}")
+            parts.append(f"[{low}] {shown}" if bits == 1 else f"[{low + bits - 1}:{low}] {shown}")
         low += bits
     return ", ".join(reversed(parts)) or "constant"
 
@@ -199,6 +240,9 @@ def ports(config: Config, gated: bool = False) -> Iterator[dict[str, Any]]:
         meanings = _meanings(config.readout) | CLASSIFIER_PORTS | WATCHED_PORTS
     elif isinstance(config, MergeConfig):
         meanings = MERGE_PORTS
+    elif isinstance(config, BusConfig):
+        widths = {name: bits for name, (_, bits) in config.fields().items()}
+        fields, meanings = _fields(config.readout) | {"data_bits": _bits(widths)}, BUS_PORTS
     if isinstance(config, TilesConfig):
         own = {name: f"{meaning}{OF_TILES}" for name, meaning in meanings.items() if name not in MERGE_PORTS}
         if not config.relays:
@@ -239,7 +283,8 @@ def constraints(config: Config, gated: bool = False) -> str:
     pins = {port["name"]: port["name"] + ("[*]" if port["width"] > 1 else "") for port in own}
     inputs = {port["name"] for port in own if port["direction"] == "input"}
     ack = links.named(config.link).asynchronous if isinstance(config, ReadoutConfig) else ()
-    timed = [name for name in pins if name not in ("clk", *ack, *SPI, *MACRO_IN, *MACRO_OUT)]
+    clock, reset = CLOCK_AND_RESET.get(type(config), ("clk", "rst"))
+    timed = [name for name in pins if name not in (clock, *ack, *SPI, *MACRO_IN, *MACRO_OUT)]
     base = "sample rate times clocks per sample"
     if isinstance(config, FrameConfig):
         base = "frame rate times clocks per frame"
@@ -256,7 +301,9 @@ def constraints(config: Config, gated: bool = False) -> str:
         **{"LOAD_PF": LOAD_PF, "OUTSIDE": OUTSIDE, "DECISION_IN": DECISION_IN, "DAC_OUT": DAC_OUT},
         header=header(config, "#"),
         base=base,
-        driven=joined(name for name in pins if name in inputs - {"clk", "rst"}),
+        clock=clock,
+        reset=reset,
+        driven=joined(name for name in pins if name in inputs - {clock, reset}),
         inputs=joined(name for name in timed if name in inputs),
         outputs=joined(name for name in timed if name not in inputs),
         decisions=joined(MACRO_IN),
@@ -273,16 +320,24 @@ def core(config: Config, gated: bool = False) -> str:
         top=top_block(config).module_name,
         version=__version__.split("+")[0],
         summary=_summary(config),
-        gate=GATE,
-        gated=gated,
+        files=[f"{top_block(config).module_name}.v", *_beside(config, gated)],
         bench=has_testbench(config),
     )
+
+
+def _beside(config: Config, gated: bool) -> list[str]:
+    """Return the Verilog files that a design needs beside its own."""
+    if isinstance(config, BusConfig):
+        return [f"{top_block(config.readout).module_name}.v"]
+    return [f"{GATE}.v"] if gated else []
 
 
 def _summary(config: Config) -> str:
     """Return a one-line description of a design."""
     if isinstance(config, ChipConfig):
         return f"{_summary(config.readout)}, with its classifier of {config.classifier.hidden} neurons"
+    if isinstance(config, BusConfig):
+        return f"{_summary(config.readout)}, behind AXI"
     what = what_is(config)
     what = what[0].upper() + what[1:]
     if isinstance(config, ClassifierConfig):
@@ -312,11 +367,12 @@ def write(config: Config, folder: Path, gated: bool = False) -> list[Path]:
     """Write Verilog, constraints, description and core file into a folder; return their paths.
 
     Each file is written whole or not at all. With ``gated`` the Verilog has clock gates, whose module is a file of its
-    own. Unchanged files of an earlier configuration of the design are removed.
+    own. Unchanged files of an earlier configuration of the design are removed. Behind a bus, the files of the readout
+    are those that it has without the bus, and the wrapper's files stand beside them.
     """
     top = top_block(config).module_name
     files = {
-        ".v": verilog(config, gated),
+        ".v": wrapper(config) if isinstance(config, BusConfig) else verilog(config, gated),
         ".sdc": constraints(config, gated),
         ".json": description(config, gated) + "\n",
         ".core": core(config, gated),
@@ -326,8 +382,12 @@ def write(config: Config, folder: Path, gated: bool = False) -> list[Path]:
     texts = {f"{top}{suffix}": text for suffix, text in files.items()} | _of_registers(config, gated)
     texts |= {f"{GATE}.v": header(config, "//", gated) + BEHAVIOUR} if gated else {}
     folder.mkdir(parents=True, exist_ok=True)
-    earlier = _unchanged(folder, top, {f"{top}_tb.sv", f"{GATE}.v", f"{NAME}.h", f"{NAME}.md"} - set(texts))
-    paths = []
+    paths: list[Path] = []
+    earlier: list[Path] = []
+    if isinstance(config, BusConfig):
+        paths = write(config.readout, folder)
+    else:
+        earlier = _unchanged(folder, top, {f"{top}_tb.sv", f"{GATE}.v", f"{NAME}.h", f"{NAME}.md"} - set(texts))
     for name, text in texts.items():
         paths.append(folder / name)
         with atomic_write(paths[-1]) as file:
@@ -343,7 +403,8 @@ def _unchanged(folder: Path, top: str, names: Collection[str]) -> list[Path]:
     The list is empty if the folder contains another design, which may use these files.
     """
     paths = [folder / name for name in names if (folder / name).is_file()]
-    if not paths or list(folder.glob("*.core")) != [folder / f"{top}.core"]:
+    wrapped = folder / f"{AxiReadout.module_name}.core"
+    if not paths or {*folder.glob("*.core")} - {wrapped} != {folder / f"{top}.core"}:
         return []
     try:
         fields = json.loads((folder / f"{top}.json").read_text())["configuration"]

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from eskin.model import __version__
+from eskin.model.bus.config import BusConfig
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
@@ -13,6 +14,7 @@ from eskin.model.frame_config import FrameConfig
 from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl import yosys
 from eskin.rtl.block import Block, RtlilModules
+from eskin.rtl.bus.wrapper import AxiReadout
 from eskin.rtl.classifier.chip import Chip
 from eskin.rtl.classifier.core import Classifier
 from eskin.rtl.classifier.lane import Lane, Limit
@@ -24,8 +26,9 @@ from eskin.rtl.readout import Readout
 from eskin.rtl.tiles.merge import Merge
 from eskin.rtl.tiles.skin import Skin
 
-Config = ReadoutConfig | FrameConfig | ClassifierConfig | ChipConfig | MergeConfig
-"""Configuration of ``eskin_readout``, ``eskin_frame_readout``, ``eskin_classifier``, ``eskin_chip`` or ``eskin_merge``.
+Config = ReadoutConfig | FrameConfig | ClassifierConfig | ChipConfig | MergeConfig | BusConfig
+"""Configuration of ``eskin_readout``, ``eskin_frame_readout``, ``eskin_classifier``, ``eskin_chip``, ``eskin_merge`` or
+``eskin_axi``.
 
 A ``TilesConfig``, which is a ``ReadoutConfig`` too, is the configuration of ``eskin_tiles``.
 """
@@ -57,6 +60,7 @@ KINDS: dict[type, tuple[Callable[[Any], Block[Any]], str]] = {
     ChipConfig: (Chip, "spiking e-skin readout with its classifier"),
     MergeConfig: (lambda config: Merge(config.skin), "merge of the events of spiking e-skin readouts"),
     TilesConfig: (Skin, "spiking e-skin of tiles with the merge of their events"),
+    BusConfig: (AxiReadout, "spiking e-skin readout behind AXI"),
 }
 """Top module of every kind of configuration, and what the design is."""
 
@@ -71,13 +75,23 @@ def verilog(config: Config, gated: bool = False) -> str:
 
     The text depends on the configuration, ``gated``, and the pinned versions of Amaranth and Yosys only. With ``gated``
     it has the port ``test_enable`` and instances of ``eskin_clock_gate``, which is a text of its own (``BEHAVIOUR``).
+    Behind a bus, the readout is the same text as without the bus.
     """
+    if isinstance(config, BusConfig):
+        return wrapper(config) + verilog(config.readout)
     top = top_block(config)
     if gated:
         text = _marked(clock_gates.gated(block_rtlil(top), top.module_name, config.reset == "sync"))
     else:
         text = block_verilog(top)
     return header(config, "//", gated) + _waive(text, config)
+
+
+def wrapper(config: BusConfig) -> str:
+    """Return the modules around the readout as Verilog text."""
+    modules = re.findall(r"^module .*?^endmodule\n", block_verilog(top_block(config)), re.MULTILINE | re.DOTALL)
+    own = "\n".join(text for text in modules if text.startswith(f"module {AxiReadout.module_name}"))
+    return header(config, "//") + _waive(own, config)
 
 
 def block_verilog(block: Block[Any]) -> str:
@@ -146,6 +160,11 @@ def _unused(text: str, config: Config) -> Iterator[tuple[str, str, str]]:
     )
     readout = config.readout if isinstance(config, ChipConfig) else config
     network = config.classifier if isinstance(config, ChipConfig) else config
+    if isinstance(config, BusConfig):
+        for name in ("s_axi_awaddr", "s_axi_araddr"):
+            yield "eskin_axi_lite", name, "registers are words: the lowest two bits have no effect"
+        for name in ("s_axi_awprot", "s_axi_arprot"):
+            yield "eskin_axi_lite", name, "every access is allowed"
     if isinstance(readout, FrameConfig):
         yield FrameReadout.module_name, "awake", awake
     if isinstance(readout, ReadoutConfig):

@@ -149,6 +149,15 @@ def whatever(config: ReadoutConfig, clocks: int, draw: np.random.Generator) -> n
     return found if config.has_polarity else found & 1
 
 
+def walk(config: ReadoutConfig, ticks: int, draw: np.random.Generator) -> np.ndarray:
+    """Return samples with large and small steps in turn, so that requests wait and references rest."""
+    size = np.repeat(draw.choice([1, 20, 200], ticks // 20 + 1), 20)[:ticks, None]
+    found = np.cumsum(draw.normal(0, 1, (ticks, config.taxels)) * size, axis=0)
+    turned = np.abs((found + config.full_scale) % (4 * config.full_scale) - 2 * config.full_scale)
+    samples = np.clip(turned - config.full_scale, -config.full_scale, config.full_scale - 1).astype(np.int32)
+    return samples * 3 // 2 if config.frontend == "analog" else samples
+
+
 def rows(bits: np.ndarray) -> list[str]:
     """Return rows of bits as texts, most significant bit first."""
     return ["".join("1" if on else "0" for on in row[::-1]) for row in bits]
@@ -169,13 +178,7 @@ def prepare(
     clocks = CLOCKS if given is None else len(given)
     period = 24
     ticks = clocks // period
-    # A walk whose steps are large and small in turn, so that requests wait and references rest.
-    size = np.repeat(draw.choice([1, 20, 200], ticks // 20 + 1), 20)[:ticks, None]
-    walk = np.cumsum(draw.normal(0, 1, (ticks, config.taxels)) * size, axis=0)
-    turned = np.abs((walk + config.full_scale) % (4 * config.full_scale) - 2 * config.full_scale)
-    samples = np.clip(turned - config.full_scale, -config.full_scale, config.full_scale - 1).astype(np.int32)
-    if config.frontend == "analog":
-        samples = samples * 3 // 2
+    samples = walk(config, ticks, draw)
     changes = sorted(rng.sample(range(1, clocks), 6 if given is None else 60))
     stimulus = Stimulus(
         samples=samples,

@@ -30,6 +30,7 @@ from eskin.cocotb_tests.runner.cocotb_runners import (
     verilator_version,
     version_of,
 )
+from eskin.model.bus.config import BusConfig
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
@@ -282,6 +283,8 @@ def _name(config: Config) -> str:
         return f"{_name(config.readout)}-{_name(config.classifier)}"
     if isinstance(config, MergeConfig):
         return f"{config.skin.tiles}-{_name(config.skin.tile)}"
+    if isinstance(config, BusConfig):
+        return f"{_name(config.readout)}-{config.time_bits}"
     if isinstance(config, FrameConfig):
         return f"{config.rows}x{config.columns}-{config.resolution}b-{config.word_bits}b"
     return f"{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b-{config.link}-{config.frontend}"

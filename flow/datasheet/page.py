@@ -6,8 +6,9 @@ from typing import Any
 
 from eskin.base.errors import InputError
 from eskin.base.files import read_json
-from eskin.flow.datasheet import classifier, frame_readout, readout, skin
+from eskin.flow.datasheet import bus, classifier, frame_readout, readout, skin
 from eskin.flow.datasheet.sheet import Sheet
+from eskin.model.bus.config import BusConfig
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
@@ -16,7 +17,7 @@ from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl.delivery import write
 from eskin.rtl.verilog import Config
 
-Described = ReadoutConfig | FrameConfig | ClassifierConfig | MergeConfig
+Described = ReadoutConfig | FrameConfig | ClassifierConfig | MergeConfig | BusConfig
 """Designs with a datasheet; a chip has the datasheets of its readout and classifier."""
 
 
@@ -24,6 +25,8 @@ def sheet_of(config: Described, report: dict[str, Any] | None = None) -> Sheet:
     """Return the datasheet of a design; ``report`` is ``report.json`` of the netlist of a readout."""
     if isinstance(config, FrameConfig):
         return frame_readout.sheet_of(config, report)
+    if isinstance(config, BusConfig):
+        return bus.sheet_of(config)
     if isinstance(config, ClassifierConfig):
         return classifier.sheet_of(config)
     if isinstance(config, MergeConfig | TilesConfig):
@@ -53,10 +56,13 @@ def deliver(config: Config, folder: Path, report: Path | None = None, gated: boo
     A chip has no datasheet. ``report`` is ``report.json`` of the netlist of a readout; ``gated`` selects clock gates.
     """
     netlist = None
-    if report is not None and isinstance(config, ReadoutConfig | FrameConfig):
-        netlist = load_report(report, config)
+    readout = config.readout if isinstance(config, BusConfig) else config
+    if report is not None and isinstance(readout, ReadoutConfig | FrameConfig):
+        netlist = load_report(report, readout)
     paths = write(config, folder, gated)
     if isinstance(config, ChipConfig):
         return paths
+    if isinstance(config, BusConfig):
+        paths += sheet_of(config.readout, netlist).write(folder)
     sheet = dataclasses.replace(sheet_of(config, netlist), gated=gated)
     return [*paths, *sheet.write(folder)]

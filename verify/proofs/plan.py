@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
+from eskin.model.bus.config import BusConfig
 from eskin.model.cases import CHOICES, axes, cases, pairs
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
@@ -13,7 +14,7 @@ from eskin.verify.proofs.blocks.classifier import ScheduleChecker, SumsChecker
 from eskin.verify.proofs.blocks.decay import DecayChecker, SettableDecayChecker
 from eskin.verify.proofs.blocks.fields import FieldsChecker
 from eskin.verify.proofs.blocks.frame import FrameChecker
-from eskin.verify.proofs.blocks.link import LinkChecker
+from eskin.verify.proofs.blocks.link import AxiStreamChecker, LinkChecker
 from eskin.verify.proofs.blocks.merge import MergeChecker, RelayChecker
 from eskin.verify.proofs.blocks.pattern import PatternChecker
 from eskin.verify.proofs.blocks.readout import ReadoutChecker
@@ -23,7 +24,7 @@ from eskin.verify.proofs.blocks.registers import (
     ShortHostChecker,
     ShortRegistersChecker,
 )
-from eskin.verify.proofs.blocks.spi import NarrowSpiChecker
+from eskin.verify.proofs.blocks.spi import AxiLiteChecker, NarrowSpiChecker
 from eskin.verify.proofs.blocks.taxel import TaxelChecker
 from eskin.verify.proofs.blocks.window import WindowChecker
 from eskin.verify.proofs.checker import Checker
@@ -54,13 +55,15 @@ class Proof:
         match self.block:
             case "arbiter" | "link":
                 return array + " unipolar" * (not c.has_polarity)
+            case "axi_stream":
+                return f"{c.readout.event_bits} bits, {c.time_bits} of time"
             case "merge":
                 return f"{c.tiles} tiles, {c.tile.event_bits} bits"
             case "relay":
                 return f"{c.tile.event_bits} bits"
             case "frame_readout":
                 return f"{array}, {c.resolution} in {c.word_bits} bits"
-            case "spi":
+            case "spi" | "axi_lite":
                 return f"words of {self.checker.block.word_bits} bits"
             case "registers" | "pattern":
                 return f"{array} {c.encoding}{', counters of 3 bits' * (self.checker is ShortRegistersChecker)}"
@@ -117,6 +120,17 @@ def links() -> list[Proof]:
         ReadoutConfig(rows=3, columns=5, link="four_phase"),
     ]
     return [Proof(LinkChecker, c, 16, c.rows == 2, c.rows == 2) for c in configs]
+
+
+def buses() -> list[Proof]:
+    """Return the proofs of the AXI wrapper with different fields of an event."""
+    few = BusConfig(readout=ReadoutConfig(rows=2, columns=3, registers="spi"), time_bits=2)
+    line = few.replace(readout=few.readout.replace(rows=1, encoding="nlcs"), time_bits=0)
+    sizes = (few, line, line.replace(readout=line.readout.replace(columns=1)))
+    return [
+        *(Proof(AxiStreamChecker, c, 10, c == few, c == few) for c in sizes),
+        Proof(AxiLiteChecker, few.readout, 72, True, True),
+    ]
 
 
 def taxels() -> list[Proof]:
@@ -253,6 +267,6 @@ def fields() -> list[Proof]:
 def proofs() -> list[Proof]:
     """Return all proofs in order of execution."""
     return [
-        *(*arbiters(), *links(), *merges(), *relays(), *leaks(), *fields(), *taxels(), *readouts(), *hosts()),
+        *(*arbiters(), *links(), *buses(), *merges(), *relays(), *leaks(), *fields(), *taxels(), *readouts(), *hosts()),
         *classifiers(),
     ]

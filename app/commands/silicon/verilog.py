@@ -11,6 +11,7 @@ from eskin.app.options import LOGIC, check_frame, command, opt, option_name, out
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
 from eskin.base.units import counted
+from eskin.model.bus.config import BUSES, BusConfig
 from eskin.model.cases import axes, cases
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import OWN_FIELDS, FrameConfig
@@ -37,6 +38,8 @@ def verilog(
     tiles: str | None = opt(None, "RxC", "write a skin of RxC tiles and their merge, eskin_tiles"),
     merge: bool = opt(False, "--merge", "write only the merge, eskin_merge, for tiles that are separate chips"),
     relays: int = opt(0, "N", "relay stations on the line from each tile to the merge, for a large skin"),
+    bus: str | None = opt(None, "|".join(BUSES), "put the readout behind AXI4-Stream, its registers behind AXI4-Lite"),
+    time_bits: int | None = opt(None, "N", "bits of a time stamp in clocks in every event behind the bus"),
     report: Path | None = opt(None, "report.json", "report of make asic, for the datasheet"),
     prove: bool = opt(False, "--prove", "before writing, prove the Verilog equal to the RTLIL of make formal"),
     clock_gates: bool = opt(
@@ -48,6 +51,13 @@ def verilog(
     The files are eskin_readout.v or eskin_frame_readout.v, .sdc, .json and .core. --registers spi adds
     eskin_registers.h and eskin_registers.md. All designs except --chip also get a datasheet.
     """
+    if bus is not None or time_bits is not None:
+        spiking = spiking_or_frame(readout, config, given, stored | own)
+        others = {"--tiles": tiles, "--classifier": classifier, "--clock-gates": clock_gates}
+        others["--readout frame"] = isinstance(spiking, FrameConfig)
+        design = _behind(bus, time_bits, config, [name for name, is_given in others.items() if is_given])
+        _deliver(design, out, prove, report)
+        return
     if tiles is not None:
         if stored:
             raise InputError(f"{next(iter(stored))} of the configuration has no effect with --tiles; leave it out")
@@ -64,10 +74,20 @@ def verilog(
                 f"--{idle[0].replace('_', '-')} has no effect with --classifier{hint or ':'} leave one of the two out"
             )
         found = IntegerWeights.load(classifier).network.config.replace(reset=config.reset)
-        design = ChipConfig(readout=config, classifier=found) if chip else found
-        _deliver(design, out, prove, gated=clock_gates)
+        _deliver(ChipConfig(readout=config, classifier=found) if chip else found, out, prove, gated=clock_gates)
         return
     _deliver(spiking_or_frame(readout, config, given, stored | own), out, prove, report, clock_gates)
+
+
+def _behind(bus: str | None, time_bits: int | None, readout: ReadoutConfig, idle: list[str]) -> BusConfig:
+    """Return the configuration of a readout behind a bus."""
+    if bus is None:
+        raise InputError("--time-bits has no effect without --bus; add --bus axi")
+    if bus not in BUSES:
+        raise InputError(f"--bus must be one of {', '.join(BUSES)}, not {bus!r}")
+    if idle:
+        raise InputError(f"--bus has no effect with {idle[0]}: leave one of the two out")
+    return BusConfig(readout=readout, time_bits=time_bits or 0)
 
 
 def spiking_or_frame(
@@ -99,6 +119,7 @@ def _deliver(config: Config, out: Path, prove: bool, report: Path | None = None,
         print(f"proved equal to the RTLIL: {sum(points.values())} points of {len(points)} modules")
     for path in deliver(config, out, report, gated):
         print(path)
+    config = config.readout if isinstance(config, BusConfig) else config
     if isinstance(config, ReadoutConfig):
         clocks = config.protocol.clocks_per_event
         print(

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 def formal(
     block: str = opt(
         "",
-        "only this block: arbiter, link, merge, relay, fields, window, decay, taxel, frame_readout, readout, spi, "
-        "registers, host, pattern, classifier",
+        "only this block: arbiter, link, axi_stream, axi_lite, merge, relay, fields, window, decay, taxel, "
+        "frame_readout, readout, spi, registers, host, pattern, classifier",
     ),
     small: bool = opt(False, "only one small configuration of each block"),
     mutants: bool = opt(False, "also check that every property fails for generated mutants"),

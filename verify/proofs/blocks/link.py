@@ -1,10 +1,12 @@
-"""Properties of the four-phase link: protocol for any ACK, and exactly one transfer per event."""
+"""Properties of the four-phase link and of the AXI4-Stream: protocol, and exactly one transfer per event."""
 
 from typing import Any, ClassVar
 
-from amaranth.hdl import Cat, Const, Module, Signal
+from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value
 
+from eskin.model.bus.config import BusConfig
 from eskin.model.config import ReadoutConfig
+from eskin.rtl.bus.axi_stream import ORDER, AxiStream
 from eskin.rtl.links.four_phase import FourPhaseLink
 from eskin.verify.proofs.checker import Checker, Promises, before, implies
 
@@ -83,6 +85,62 @@ class LinkChecker(Checker[ReadoutConfig]):
         held = before(m, req | (self.aer_ack & receiver), "held") | req
         held &= receiver | req
         yield "address_stable", implies(held, ~moved), held & Const(1)
+
+
+class AxiStreamChecker(Checker[BusConfig]):
+    """Checker of the AXI4-Stream; both sides are free."""
+
+    block = AxiStream
+    only: ClassVar = {
+        "packet_of_one_row": lambda config: config.readout.column_bits > 0,
+        "packet_without_pause": lambda config: config.readout.column_bits > 0,
+    }
+
+    def check(self, m: Module) -> Promises:
+        comes, leaves = self.event_valid & self.event_ready, self.m_axis_tvalid & self.m_axis_tready
+        inside = Signal(range(4))
+        m.d.sync += inside.eq(inside + comes - leaves)
+        event = Cat(self.port(name) for name in ORDER if self.has(name))
+        clock = Signal(self.config.time_bits)
+        m.d.sync += clock.eq(clock + 1)
+        word = Cat(event, clock)
+        oldest, newest = (Signal(len(word), name=name) for name in ("oldest", "newest"))
+        with m.If(comes):
+            m.d.sync += newest.eq(word)
+        with m.If(comes & (inside == leaves)):
+            m.d.sync += oldest.eq(word)
+        with m.Elif(leaves):
+            m.d.sync += oldest.eq(newest)
+
+        payload = Cat(self.m_axis_tdata, self.m_axis_tlast)
+        yield "tvalid_waits", *self.unchanged(m, self.m_axis_tvalid, self.m_axis_tready, payload)
+        fits = (inside < 2) | self.m_axis_tready
+        yield "takes_what_fits", self.event_ready == fits, self.event_valid & ~fits
+        counts = (inside <= 2) & implies(inside == 2, self.m_axis_tvalid) & implies(self.m_axis_tvalid, inside != 0)
+        yield "none_lost", counts, inside == 2
+        yield "in_order", implies(leaves, self.m_axis_tdata == oldest), leaves & (inside == 2)
+        came = before(m, before(m, comes, "came"), "came_earlier")
+        yield "leaves_in_two_clocks", implies(came, self.m_axis_tvalid), came & before(m, leaves, "left")
+
+        moves = ((inside == 2) & leaves) | ((inside == 1) & ~self.m_axis_tvalid)
+        last = self.keep(m, Signal(init=1, name="ends"), 0, moves, ~self._follows(event, newest))
+        yield "tlast_ends_packet", implies(self.m_axis_tvalid, self.m_axis_tlast == last), leaves & self.m_axis_tlast
+        if self.config.readout.column_bits:
+            inner = Signal()
+            m.d.sync += inner.eq(Mux(leaves, ~self.m_axis_tlast, inner))
+            sent = self.keep(m, Signal(len(word), name="sent"), 0, leaves, self.m_axis_tdata[: len(word)])
+            follows = self._follows(self.m_axis_tdata, sent, valid=Const(1))
+            yield "packet_of_one_row", implies(leaves & inner, follows), leaves & inner
+            yield "packet_without_pause", implies(inner, self.m_axis_tvalid), inner
+
+    def _follows(self, event: Value, before: Value, valid: Value | None = None) -> Value:
+        """Return whether an event has the row of the one before it and a higher column."""
+        columns, rows = self.config.readout.column_bits, self.config.readout.row_bits
+        offered = self.event_valid if valid is None else valid
+        if not columns:
+            return Const(0)
+        same = event[columns : columns + rows] == before[columns : columns + rows] if rows else Const(1)
+        return offered & same & (event[:columns] > before[:columns])
 
 
 LINKS = {FourPhaseLink: LinkChecker}

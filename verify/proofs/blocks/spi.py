@@ -1,11 +1,13 @@
-"""Properties of the SPI slave: only complete transfers write, and reads return the addressed word."""
+"""Properties of the SPI slave and of the AXI4-Lite host in front of it: accesses are exact and complete."""
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value
 
 from eskin.model.config import ReadoutConfig
 from eskin.model.registers.description import WORD_BYTES
+from eskin.model.registers.spi import GAP_CLOCKS, HIGH_CLOCKS, LAG_CLOCKS, LEAD_CLOCKS, LOW_CLOCKS_TO_READ
+from eskin.rtl.bus.axi_lite import NarrowLite
 from eskin.rtl.registers.spi import NarrowSlave, SpiSlave
 from eskin.verify.proofs.checker import Checker, Promises, before, implies
 
@@ -83,3 +85,85 @@ class NarrowSpiChecker(SpiChecker):
     """Checker of the SPI slave with short addresses and words."""
 
     block = NarrowSlave
+
+
+class AxiLiteChecker(Checker[ReadoutConfig]):
+    """Checker of the AXI4-Lite host with short addresses and words; the manager and MISO are free."""
+
+    block = NarrowLite
+    assumptions: ClassVar = {"manager_waits": "a manager holds a valid signal and its payload until ready"}
+
+    def check(self, m: Module) -> Promises:
+        channels = [("aw", Cat(self.s_axi_awaddr)), ("w", Cat(self.s_axi_wdata, self.s_axi_wstrb))]
+        channels.append(("ar", Cat(self.s_axi_araddr)))
+        holds = Const(1)
+        for name, payload in channels:
+            valid, ready = getattr(self, f"s_axi_{name}valid"), getattr(self, f"s_axi_{name}ready")
+            holds &= self.unchanged(m, valid, ready, payload)[0]
+        kept = Signal(init=1)
+        m.d.sync += kept.eq(kept & holds)
+        self.suppose(m, "manager_waits", holds)
+        kept = kept & holds
+
+        writes = self.s_axi_awvalid & self.s_axi_awready
+        reads = self.s_axi_arvalid & self.s_axi_arready
+        whole = self.s_axi_wstrb.all()
+        together = (self.s_axi_awready == self.s_axi_wready) & ~(self.s_axi_awready & self.s_axi_arready)
+        together &= implies(self.s_axi_awready, self.s_axi_awvalid & self.s_axi_wvalid)
+        yield "one_access", implies(kept, together & implies(self.s_axi_arready, self.s_axi_arvalid)), writes
+        ended = {"write": self.s_axi_bvalid & self.s_axi_bready, "read": self.s_axi_rvalid & self.s_axi_rready}
+        owed = {}
+        for kind, begins in (("write", writes), ("read", reads)):
+            owed[kind] = self.keep(m, Signal(name=f"owes_{kind}"), 0, begins | ended[kind], begins)
+        waits = owed["write"] | owed["read"]
+        answers = implies(self.s_axi_bvalid, owed["write"]) & implies(self.s_axi_rvalid, owed["read"])
+        answers &= implies(writes | reads, ~waits)
+        yield "one_response", implies(kept, answers), ended["write"]
+        wrote = self.unchanged(m, self.s_axi_bvalid, self.s_axi_bready, self.s_axi_bresp)
+        read = self.unchanged(m, self.s_axi_rvalid, self.s_axi_rready, Cat(self.s_axi_rdata, self.s_axi_rresp))
+        yield "response_waits", wrote[0] & read[0], wrote[1] & self.s_axi_bvalid
+        refused = self.keep(m, Signal(name="refused"), 0, writes, ~whole)
+        said = implies(self.s_axi_bvalid, self.s_axi_bresp == Mux(refused, 0b10, 0b00)) & (self.s_axi_rresp == 0)
+        yield "slverr_without_strobes", implies(kept, said), self.s_axi_bvalid & refused
+        turn, due = self.fair(m, writes, self.s_axi_arvalid, reads)
+        other, other_due = self.fair(m, reads, self.s_axi_awvalid & self.s_axi_wvalid, writes)
+        yield "turns", implies(kept, turn & other), due | other_due
+        yield from self._transfer(m, kept, writes, reads, whole)
+
+    def _transfer(self, m: Module, kept: Value, writes: Value, reads: Value, whole: Value) -> Promises:
+        """Compare accepted accesses with the transfers on the pins."""
+        sent = Transfers(m, self, cast(type[SpiSlave], self.block))
+        address, word = Signal(len(sent.address)), Signal(len(sent.word))
+        self.keep(m, address, 0, writes | reads, Mux(writes, self.s_axi_awaddr, self.s_axi_araddr) & ~0b11)
+        self.keep(m, word, 0, writes, self.s_axi_wdata)
+        due = self.keep(m, Signal(name="write_due"), 0, (writes & whole) | sent.complete, writes & whole)
+        exact = due & (sent.address == address) & (sent.word == word)
+        yield "written_as_asked", implies(kept & sent.complete, exact), sent.complete & (address != 0)
+        effective = implies(self.s_axi_bvalid & ~self.s_axi_bresp.any(), ~due)
+        yield "written_before_response", implies(kept, effective), self.s_axi_bvalid & ~self.s_axi_bresp.any()
+        begins = sent.rise & sent.first & sent.reads  # the first bit of the word
+        found = self.keep(m, Signal(name="word_begun"), 0, writes | reads | begins, begins)
+        asked = implies(begins, sent.address == address) & implies(self.s_axi_rvalid, found)
+        yield "read_where_asked", implies(kept, asked), self.s_axi_rvalid & (address != 0)
+        falls = before(m, self.spi_sck, "sck_now") & ~self.spi_sck
+        shown, last = (Signal(len(word), name=name) for name in ("shown", "last_shown"))
+        m.d.comb += last.eq(Mux(falls, Cat(before(m, self.spi_miso, "miso"), shown[:-1]), shown))
+        m.d.sync += shown.eq(last)
+        yield "read_as_shown", implies(self.s_axi_rvalid, self.s_axi_rdata == last), self.s_axi_rvalid & last.any()
+        yield "spi_in_time", *self._times(m)
+
+    def _times(self, m: Module) -> tuple[Value, Value]:
+        """Return whether the pins keep the times of the SPI slave, and whether a transfer ends."""
+        sck, cs_n = self.spi_sck, self.spi_cs_n
+        most = max(HIGH_CLOCKS, LOW_CLOCKS_TO_READ, LEAD_CLOCKS, LAG_CLOCKS, GAP_CLOCKS)
+        was, closed = before(m, sck, "sck_was"), before(m, ~cs_n, "open_was")
+        clears = {"high": ~sck, "low": sck, "opened": cs_n}
+        high, low, since = (self.count_to(m, most, clear, 1, name=name) for name, clear in clears.items())
+        shut = self.count_to(m, most, ~cs_n, 1, start=0, name="shut")
+        known = Signal()
+        m.d.sync += known.eq(known | ~cs_n)
+        rises = ~was & sck
+        right = implies(was & ~sck, high >= HIGH_CLOCKS) & implies(rises, since >= LEAD_CLOCKS) & implies(cs_n, ~sck)
+        right &= implies(rises & (since > LOW_CLOCKS_TO_READ), low >= LOW_CLOCKS_TO_READ)
+        right &= implies(closed & cs_n, high >= LAG_CLOCKS) & implies(known & ~closed & ~cs_n, shut >= GAP_CLOCKS)
+        return right, closed & cs_n

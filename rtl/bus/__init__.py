@@ -1,0 +1,1 @@
+"""Wrappers that connect a readout to the bus of a system on a chip."""
