@@ -12,17 +12,10 @@ from tests.quick import chosen, long_first
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    nodes = [item.nodeid for item in items]
-    quick = chosen(nodes)
-    commands = set()
-    for item in items:
-        mark = item.get_closest_marker("command")
-        if item.nodeid in quick or (mark and mark.args not in commands):  # of the cases of a test, the first
-            item.add_marker(pytest.mark.quick)
-        if mark:
-            commands.add(mark.args)
+    for item in chosen(items):
+        item.add_marker(pytest.mark.quick)
     if workers := getattr(config, "workerinput", {}).get("workercount"):
-        items[:] = [items[place] for place in long_first(nodes, workers)]
+        items[:] = [items[place] for place in long_first([item.nodeid for item in items], workers)]
 
 
 def pytest_configure() -> None:

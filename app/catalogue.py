@@ -10,6 +10,7 @@ import shutil
 import textwrap
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 DEV = "dev"
@@ -43,6 +44,7 @@ class Declaration(NamedTuple):
     fuzz: str | None = None  # arguments with which the command ends soon; None if no arguments make it short
     variables: str = ""  # variables that the make target sets if the user does not: ``ROWS=2 COLUMNS=2``
     switch: str = ""  # target and variable of make that also run the command: ``sim GATES``
+    idle: Mapping[str, str] = MappingProxyType({})  # options without effect by condition; see ``app.refusals``
 
 
 def _declared() -> Iterable[tuple[str, Declaration]]:

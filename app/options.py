@@ -33,7 +33,7 @@ MAIN = ("rows", "columns", "encoding", "resolution", "sample_rate_hz")
 """Fields of ReadoutConfig under the heading ``READOUT``; the other fields follow under ``DETAIL``."""
 
 
-def command(heading: str, **declared: str) -> Callable[[Decorated], Decorated]:
+def command(heading: str, **declared: str | Mapping[str, str]) -> Callable[[Decorated], Decorated]:
     """Declare a command under a heading of the help; ``eskin.app.catalogue.Declaration`` explains the arguments."""
     return lambda function: function
 

@@ -4,49 +4,19 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from eskin.app.catalogue import COMMANDS
 from eskin.base.configuration import option_of
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import SHARED_FIELDS
 
-FRAME_OPTIONS = "--word-bits --settle-clocks --conversion-clocks"
-SPIKING_OPTIONS = " ".join(
+SPIKING = " ".join(
     option_of(field) for name, field in ReadoutConfig.__dataclass_fields__.items() if name not in SHARED_FIELDS
 )
-SCANNED = "--sample-rate --decide-every --reference-reset"
-"""Fields of the readout that the paper's scan sets itself."""
+"""Options that a frame readout does not have: the word SPIKING in the declaration of a command."""
 
-IDLE: dict[str, dict[str, str]] = {
-    "encode demo sim replay train crossval sweep": {"not --baseline=highpass": "--highpass"},
-    "encode replay": {"--preset=paper": f"{SCANNED} --start-row"},
-    "rates": {"--preset=paper": "--start-row"},
-    "sim gatesim": {"--only": "--seed --textures"},
-    "sim": {"--data": "--seed", "no --dut": "--top"},
-    "replay touch": {"--only": "--limit"},
-    "play": {"--samples": "--only", "--sensor": "--only --raw --check"},
-    "train": {"--test": "--fold --folds"},
-    "predict": {"no --check-model": "--dataset"},
-    "sweep": {"--events": "--points", "--test": "--folds"},
-    "quantise": {"--in-bits & --rec-bits & --out-bits": "--bits"},
-    "verilog": {
-        "--merge": "--relays",
-        "no --tiles": "--merge --relays",
-        "--tiles": f"--classifier --chip --readout --report --clock-gates {FRAME_OPTIONS}",
-        "no --classifier": "--chip",
-        "--classifier": "--readout --report",
-    },
-    "verilog asic": {"--readout=frame": f"{SPIKING_OPTIONS} --tau"},
-    "gatepower": {"--three": "--encoding --frontend"},
-    "fpga": {"--alone": "--board --baud --adc --settle", "--receiver": "--adc", "no --adc": "--settle"},
-    "power": {
-        "--parameters": "--mode --resolution --noise --tau --correct --without --crossover --synthesis --dataset "
-        "--preset --rates",
-        "--crossover": "--resolution --noise --tau",
-    },
-    "explore": {"no --event-rate": "--rate-resolution", "--event-rate": "--preset"},
-    "soak": {"--only": "--seed --hours --clocks --out"},
-}
-"""Options without effect, by command and condition.
+IDLE = {"not --baseline=highpass": "--highpass"}
+"""Options without effect by condition, of all commands that have these options; a command declares its others.
 
 A condition is ``--x`` (the user gave it), ``no --x`` (without it), ``--x=value``, which may be the default, or ``not``
 before that.
@@ -81,13 +51,16 @@ def check_options(command: str, options: Mapping[str, str], values: Mapping[str,
         for value in (found if isinstance(found, list | tuple) else [found]) if parameter in typed else ():
             if isinstance(value, int | float) and parameter in RANGES:
                 _check_range(option, value, *RANGES[parameter])
-    rules = [rule for commands, rules in IDLE.items() if command in commands.split() for rule in rules.items()]
-    for condition, idle in rules:
-        if (words := _holding(condition, options, values, typed)) is None:
-            continue
-        for option in idle.split():
-            if options.get(option) in typed:
-                raise InputError(f"{option} has no effect {words}")
+    for condition, idle in rules_of(command):
+        given = [option for option in idle if options.get(option) in typed]
+        if given and (words := _holding(condition, options, values, typed)) is not None:
+            raise InputError(f"{given[0]} has no effect {words}")
+
+
+def rules_of(command: str) -> list[tuple[str, list[str]]]:
+    """Return the conditions of a command, and the options that have no effect under each."""
+    declared = {**IDLE, **COMMANDS[command].idle}
+    return [(condition, idle.replace("SPIKING", SPIKING).split()) for condition, idle in declared.items()]
 
 
 def _check_range(option: str, value: float, low: float, high: float) -> None:

@@ -81,6 +81,7 @@ def name(config: ReadoutConfig) -> str:
     return f"{config.rows}x{config.columns}-{'bipolar' if config.has_polarity else 'unipolar'}-{config.reset}"
 
 
+@pytest.mark.representative("icarus-3x5", block="arbiter")
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda config: f"icarus-{name(config)}")
 def test_arbiter_keeps_its_contract_and_equals_its_reference(config: ReadoutConfig, tmp_path: Path) -> None:
     counts = play_steps(config, "icarus", "eskin_arbiter", steps, tmp_path, seed=2)

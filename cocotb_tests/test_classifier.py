@@ -45,6 +45,7 @@ def name(config: ClassifierConfig) -> str:
     return f"{config.inputs}-{config.hidden}-{config.classes}-{config.lanes}l-{config.reset}"
 
 
+@pytest.mark.representative("2-1-3", "16-33-4-16l", "6-8-7-8l")
 @pytest.mark.parametrize("config", CONFIGS + SYNAPTIC, ids=name)
 def test_rtl_equals_the_model_in_every_potential_class_and_clock(config: ClassifierConfig, tmp_path: Path) -> None:
     counts = cosimulate(config, "icarus", tmp_path, config.hidden)

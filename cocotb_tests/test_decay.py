@@ -42,6 +42,7 @@ CONFIGS = [
 ]
 
 
+@pytest.mark.representative("3-rows-5", "3-rows-7", block="decay")
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda c: f"{c.rows}-rows-{c.leak_period}-{c.reset}-{c.registers}")
 def test_decay_ticks_are_those_of_the_rule(config: ReadoutConfig, tmp_path: Path) -> None:
     counts = play_steps(config, "icarus", "eskin_decay", steps, tmp_path, seed=6)

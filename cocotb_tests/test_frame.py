@@ -34,6 +34,7 @@ def name(config: FrameConfig) -> str:
     return f"{config.rows}x{config.columns}-{config.resolution}b-{config.word_bits}b-{config.reset}"
 
 
+@pytest.mark.representative("icarus-1x4-6b", "icarus-2x3-5b", "icarus-3x5-6b-6b", block="frame")
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda config: f"icarus-{name(config)}")
 def test_rtl_equals_the_model_in_every_clock_and_loses_no_sample(config: FrameConfig, tmp_path: Path) -> None:
     texture = random_scan(config.readout, 400, np.random.default_rng(config.taxels))

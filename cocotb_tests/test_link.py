@@ -166,6 +166,7 @@ def name(config: ReadoutConfig) -> str:
     )
 
 
+@pytest.mark.representative("icarus-3x5", "icarus-3x5-6bit-sync_dual")
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda config: f"icarus-{name(config)}")
 def test_link_keeps_the_protocol_and_equals_its_reference(config: ReadoutConfig, tmp_path: Path) -> None:
     counts = cosimulate(config, "icarus", "eskin_link", "link_keeps_the_protocol", tmp_path, seed=3)

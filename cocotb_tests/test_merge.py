@@ -17,6 +17,7 @@ CONFIGS = [
 ]
 
 
+@pytest.mark.representative("icarus-3")
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda config: f"icarus-{config.tiles}")
 def test_merge_keeps_its_contract_and_equals_its_models(config: TilesConfig, tmp_path: Path) -> None:
     counts = play_steps(config, "icarus", "eskin_merge", merge.steps, tmp_path, 3)

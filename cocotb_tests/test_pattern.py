@@ -15,6 +15,7 @@ CONFIGS = [
 ]
 
 
+@pytest.mark.representative("3x5-lcs")
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda config: f"{config.rows}x{config.columns}-{config.encoding}")
 def test_pattern_equals_its_model_in_every_clock(config: ReadoutConfig, tmp_path: Path) -> None:
     counts = play_steps(config, "icarus", "eskin_pattern", pattern.steps, tmp_path, 13)

@@ -21,6 +21,7 @@ def name(config: ReadoutConfig) -> str:
     return f"{config.rows}x{config.columns}-{config.encoding}-{config.reset}"
 
 
+@pytest.mark.representative("3x5-nlcs")
 @pytest.mark.parametrize("config", CONFIGS, ids=name)
 def test_file_equals_its_model_in_every_clock(config: ReadoutConfig, tmp_path: Path) -> None:
     counts = play_steps(config, "icarus", "eskin_registers", registers.steps, tmp_path, 11)

@@ -16,6 +16,7 @@ CONFIGS = [
 ]
 
 
+@pytest.mark.representative("icarus-5b")
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda config: f"icarus-{config.tile.event_bits}b-{config.reset}")
 def test_relay_keeps_its_contract_and_equals_its_model(config: TilesConfig, tmp_path: Path) -> None:
     counts = play_steps(config, "icarus", "eskin_relay", merge.relay_steps, tmp_path, 5)

@@ -12,6 +12,7 @@ CONFIG = ReadoutConfig(rows=1, columns=1, registers="spi")
 CONFIGS = [CONFIG, CONFIG.replace(reset="async")]
 
 
+@pytest.mark.representative("icarus-sync")
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda config: f"icarus-{config.reset}")
 def test_slave_equals_its_model_in_every_clock(config: ReadoutConfig, tmp_path: Path) -> None:
     counts = play_steps(config, "icarus", "eskin_spi", spi.steps, tmp_path, 7)

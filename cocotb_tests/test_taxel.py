@@ -189,6 +189,14 @@ def name(config: ReadoutConfig) -> str:
     )
 
 
+@pytest.mark.representative(
+    "icarus-lcs-digital-12b-5b",
+    "icarus-cw-lcs-analog-12b-10b",
+    "icarus-nlcs-analog-12b-10b",
+    "icarus-nlcs-digital-12b-5b",
+    "icarus-cw-lcs-digital-12b-5b",
+    block="taxel",
+)
 @pytest.mark.parametrize("config", breadth(), ids=lambda config: f"icarus-{name(config)}")
 def test_taxel_equals_its_reference_in_every_clock(config: ReadoutConfig, tmp_path: Path) -> None:
     counts = play_steps(config, "icarus", "eskin_taxel", TaxelSteps, tmp_path, seed=1)

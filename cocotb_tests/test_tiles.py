@@ -25,6 +25,7 @@ CONFIGS = [
 ]
 
 
+@pytest.mark.representative("icarus-4-nlcs")
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda c: f"icarus-{c.tiles}-{c.encoding}-{c.relays}")
 def test_a_skin_equals_its_model(config: TilesConfig, tmp_path: Path) -> None:
     counts = play_steps(config, "icarus", "eskin_tiles", steps, tmp_path, 0)

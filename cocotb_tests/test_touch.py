@@ -20,6 +20,7 @@ from tests.conftest import run_eskin as call
 LAST = re.compile(r"touch to class: (\d+) images, (\d+) events, 0 mismatches, (\d+) right")
 
 
+@pytest.mark.representative("lcs-icarus")
 @pytest.mark.parametrize("chip", CHIPS, ids=["lcs-icarus", "nlcs-icarus"])
 def test_every_event_potential_and_class_of_a_scan_is_that_of_the_models(chip: ChipConfig, tmp_path: Path) -> None:
     found = play(chip, "icarus", tmp_path)

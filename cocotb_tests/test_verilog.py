@@ -112,6 +112,7 @@ def written_in_two_processes(folder: Path, *options: str) -> Path:
     return first
 
 
+@pytest.mark.representative(block="verilog")
 @pytest.mark.parametrize("config", [*breadth(), *with_registers(), *extremes()], ids=name)
 def test_lint_is_clean(config: ReadoutConfig, tmp_path: Path) -> None:
     path = tmp_path / "eskin_readout.v"
@@ -216,6 +217,7 @@ def test_text_is_stable_from_one_process_to_the_next(tmp_path: Path) -> None:
         assert (out / f"eskin_readout.{suffix}").read_text() == text
 
 
+@pytest.mark.representative(block="delivery")
 @pytest.mark.parametrize("config", [*breadth(), *with_registers()], ids=name)
 def test_port_list_is_that_of_the_module(config: ReadoutConfig) -> None:
     described = json.loads(description(config))

@@ -47,6 +47,7 @@ CONFIGS = [
 ]
 
 
+@pytest.mark.representative("analog-m1-5", "digital-m16-1", block="window")
 @pytest.mark.parametrize(
     "config", CONFIGS, ids=lambda c: f"{c.frontend}-m{c.closing_shift}-{c.window_period}-{c.reset}"
 )

@@ -9,6 +9,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
+pytestmark = pytest.mark.quick
+
 ROOMS = ("base", "model", "rtl", "skin", "power", "cocotb_tests", "snn", "board", "flow", "verify", "app")
 """The packages from the ground up: each imports only from itself and from those before it."""
 

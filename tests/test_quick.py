@@ -7,20 +7,27 @@ from pathlib import Path
 import pytest
 
 from eskin.app.catalogue import COMMANDS
-from tests.quick import BLOCKS, LONG, OTHERS, chosen, fits, long_first
+from tests.quick import LONG, long_first
 
 ROOT = Path(__file__).parents[1]
 
+pytestmark = pytest.mark.quick
+
+
+def marks(name: str) -> list[str]:
+    """Return the arguments of all markers of a name in the tests, as text."""
+    files = [path for folder in ("tests", "cocotb_tests") for path in (ROOT / folder).rglob("test_*.py")]
+    pattern = re.compile(rf"^@pytest.mark.{name}\(([^)]*)\)", re.MULTILINE)
+    return [text for path in files for text in pattern.findall(path.read_text())]
+
 
 def test_every_block_has_a_quick_test() -> None:
-    assert set(BLOCKS) == {path.stem for path in (ROOT / "rtl").glob("*.py") if not path.stem.startswith("__")}
+    blocks = sorted(path.stem for path in (ROOT / "rtl").glob("*.py") if not path.stem.startswith("__"))
+    assert sorted(re.findall(r'block="(.+?)"', "".join(marks("representative")))) == blocks
 
 
 def test_every_command_has_a_quick_test() -> None:
-    files = [path for folder in ("tests", "cocotb_tests") for path in (ROOT / folder).rglob("test_*.py")]
-    text = "\n".join(path.read_text() for path in files)
-    marks = re.findall(r"^@pytest.mark.command\((.*)\)", text, re.MULTILINE)
-    assert sorted(name for mark in marks for name in re.findall(r'"(.+?)"', mark)) == sorted(COMMANDS)
+    assert sorted(re.findall(r'"(.+?)"', "".join(marks("command")))) == sorted(COMMANDS)
 
 
 @cache
@@ -28,20 +35,22 @@ def functions_of(path: str) -> list[str]:
     return re.findall(r"^(?:async )?def (test_\w+)", (ROOT / path).read_text(), re.MULTILINE)
 
 
-@pytest.mark.parametrize("entry", sorted({*BLOCKS.values(), *OTHERS.values(), *LONG}))
+@pytest.mark.parametrize("entry", LONG)
 def test_every_entry_names_a_test(entry: str) -> None:
     path, _, function = entry.partition("[")[0].partition("::")
     assert any(name.startswith(function) for name in functions_of(path)), entry
 
 
-def test_of_a_block_one_case_is_taken(request: pytest.FixtureRequest) -> None:
-    arbiter = [f"{BLOCKS['arbiter']}-{n}]" for n in range(3)]
-    assert chosen(arbiter) == {arbiter[0]}
-    assert chosen(["cocotb_tests/test_arbiter.py::test_arbiter_keeps_its_contract[verilator-3x5-1]"]) == set()
-    nodes = [item.nodeid for item in request.session.items]
-    for entry in BLOCKS.values():
-        cases = [node for node in nodes if fits(node, entry.partition("[")[0])]
-        assert len(cases) < 2 or chosen(nodes) & set(cases), f"no case is that of {entry}"
+def test_a_representative_names_cases_and_of_each_the_first_is_quick(request: pytest.FixtureRequest) -> None:
+    functions: dict[str, list[pytest.Item]] = {}
+    for item in request.session.items:
+        functions.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for function, items in functions.items():
+        mark = items[0].get_closest_marker("representative")
+        for word in mark.args or ("",) if mark and len(items) > 1 else ():
+            cases = [item for item in items if item.nodeid.partition("[")[2].startswith(word)]
+            assert cases, f"no case of {function} begins with {word}"
+            assert cases[0].get_closest_marker("quick")
 
 
 @pytest.mark.parametrize("workers", [1, 2, 3, 7])

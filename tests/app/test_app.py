@@ -93,6 +93,7 @@ MISTAKES = {
 }
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize("line", MISTAKES)
 def test_every_mistake_is_one_sentence(line: str) -> None:
     assert called(*shlex.split(line)) == (2, "", f"error: {MISTAKES[line]}\n")

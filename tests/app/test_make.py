@@ -118,6 +118,7 @@ def test_the_interpreter_is_a_name_too(make: Make, checkout: Path) -> None:
     assert not (checkout / "bad").exists()
 
 
+@pytest.mark.quick
 def test_make_refuses_a_wrong_variable(make: Make) -> None:
     done = make("-s", "verilog", "ROW=3")
     assert (done.returncode, done.stdout) == (2, "")

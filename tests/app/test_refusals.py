@@ -10,7 +10,7 @@ import typer
 
 from eskin.app.catalogue import COMMANDS, words_of
 from eskin.app.options import option_name, outputs_of
-from eskin.app.refusals import IDLE, RANGES
+from eskin.app.refusals import IDLE, RANGES, rules_of
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
@@ -63,7 +63,7 @@ def words_for(name: str, option: str) -> list[str]:
 
 
 def fulfilled(name: str, condition: str) -> list[str]:
-    """Return options for which a condition of ``IDLE`` holds."""
+    """Return options for which the condition of a rule holds."""
     if condition.startswith(("no ", "not ")):
         return []
     if "=" in condition:
@@ -74,10 +74,10 @@ def fulfilled(name: str, condition: str) -> list[str]:
 
 RULES = [
     (name, condition, option)
-    for commands, rules in IDLE.items()
-    for name in commands.split()
-    for condition, options in rules.items()
-    for option in options.split()
+    for name in COMMANDS
+    for condition, options in rules_of(name)
+    for option in options
+    if condition not in IDLE or option in options_of(name)
 ]
 
 

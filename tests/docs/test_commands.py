@@ -1,7 +1,7 @@
 """Test that the program accepts every command printed in README, pages and data.
 
 All are parsed as printed: options, values, arguments. Many would take minutes, or need a dataset, a cell library or a
-board; ``RUN`` are run as printed. Another test runs the smallest form of each command; ``tests/quick.py`` lists them.
+board; ``RUN`` are run as printed. The test marked as the command's own runs its smallest form.
 """
 
 import ast

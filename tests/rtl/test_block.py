@@ -10,6 +10,7 @@ from eskin.rtl.window import ClosingWindow
 CONFIG = ReadoutConfig(rows=1, columns=1, encoding="cw-lcs")
 
 
+@pytest.mark.representative(block="block")
 def test_equal_blocks_share_their_text() -> None:
     netlist = RtlilModules(async_reset=False)
     assert netlist.add(Taxel(CONFIG)) is netlist.add(Taxel(CONFIG.replace()))

@@ -41,6 +41,7 @@ def test_depth_is_logarithmic_and_area_linear() -> None:
     assert per_taxel[-1] < 3, per_taxel
 
 
+@pytest.mark.representative(block="logic")
 @pytest.mark.parametrize("width", [1, 2, 3, 5, 8, 64])
 @settings(max_examples=2)  # each makes the network anew, which takes seconds
 @given(data=st.data())

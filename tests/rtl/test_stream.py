@@ -19,6 +19,7 @@ SMALL = ReadoutConfig(rows=2, columns=3, resolution=3, clocks_per_sample=8)
 CASES = [SMALL, SMALL.replace(rows=1, columns=2, encoding="nlcs", leak_shift=2, leak_period=2)]
 
 
+@pytest.mark.representative("lcs", block="stream")
 @pytest.mark.parametrize("config", CASES, ids=["lcs-2x3", "nlcs-1x2"])
 def test_streams_carry_the_events_of_the_model_to_a_consumer_that_stalls(config: ReadoutConfig) -> None:
     rng = np.random.default_rng(7)

@@ -71,6 +71,7 @@ def test_torch_path_equals_plain_autograd_in_double_precision(rule: NeuronRule) 
     assert 0.02 < check(layer, rule, values, rtol=1e-10, part=0, atol=1e-10).mean() < 0.6
 
 
+@pytest.mark.quick
 @needs_kernel
 @pytest.mark.parametrize("rule", RULES, ids=str)
 def test_kernel_equals_plain_autograd(rule: NeuronRule) -> None:
@@ -120,6 +121,7 @@ def test_a_decay_that_is_learned_begins_where_the_configuration_says() -> None:
             torch.testing.assert_close(decays, torch.full_like(decays, value))
 
 
+@pytest.mark.quick
 def test_a_neuron_by_hand() -> None:
     x = torch.tensor([0.5, 0.5, 0.25, 1.5, -3.0, 1.75, 0.5]).view(-1, 1, 1)
     one, zero = torch.ones(1, 1), torch.zeros(1)

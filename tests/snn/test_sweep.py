@@ -55,6 +55,7 @@ def files(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.json")}
 
 
+@pytest.mark.quick
 def test_only_missing_cells_are_run_and_every_prediction_is_kept_for_pairs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -92,6 +92,7 @@ def marks(panel: Any) -> list[tuple[float, float, str, bool]]:
     return found
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize("reading", ["last", "selected"])
 @pytest.mark.usefixtures("sweeps")
 def test_the_figure_shows_the_values_of_the_sweeps(folder: Path, monkeypatch: pytest.MonkeyPatch, reading: str) -> None:

@@ -228,6 +228,7 @@ POINTS = [
 ]
 
 
+@pytest.mark.quick
 def test_frames_and_events_of_one_rate_and_network_are_paired() -> None:
     (pair,) = frontier_data(POINTS)["pairs"]
     assert (pair["first"], pair["second"]) == (POINTS[0]["name"], POINTS[1]["name"]), "not those of other rates"

@@ -22,6 +22,7 @@ MODELS = {
 }
 
 
+@pytest.mark.quick
 def test_fig6_data_are_the_model(folder):
     of_model, *_ = fig6.RESULTS
     path, figure = of_model.make("fig6", folder)

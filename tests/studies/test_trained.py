@@ -58,6 +58,7 @@ def test_scans_with_next_to_no_noise_are_those_of_the_training(kind: str, monkey
     assert (more.population_hz > rates.population_hz) == (kind != "frames")
 
 
+@pytest.mark.quick
 def test_power_is_that_of_the_model_at_these_rates() -> None:
     lcs = Experiment(preset="paper", readout=ReadoutConfig(resolution=6))
     fitted = PowerModel().breakdown("lcs", 6, 1e-3)

@@ -164,6 +164,7 @@ def test_a_block_that_an_upset_stops_or_shifts_for_good_is_found(found: tuple[An
         assert problem in {problems_of(trial, upset) for upset in upsets_of(trial, flops)}
 
 
+@pytest.mark.quick
 def test_an_upset_beyond_the_stated_bounds_is_a_problem() -> None:
     trial = Trial(HANDSHAKE, calm=True)
     taxel = Upset("row_0.taxel_1.pending", 9, "others changed", 3, 3, 0, 0, 1)

@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[2]
 CONFIGS = sorted((ROOT / "verify" / "mutants").glob("*.toml"))
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize("name", Hardware())
 def test_every_operator_makes_its_examples(name: str) -> None:
     operator = Hardware()[name]

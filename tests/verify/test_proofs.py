@@ -26,6 +26,7 @@ def test_the_command_ends_with_its_one_line(call: Any) -> None:
     assert out.splitlines()[-1] == "proved: 10 properties, 10 of them unbounded, 0 failed"
 
 
+@pytest.mark.representative("window", "registers", "host")
 @pytest.mark.parametrize("proof", [p for p in SMALL if p.block != "link"], ids=lambda proof: proof.block)
 def test_a_small_block_keeps_every_property(proof: Proof) -> None:
     verdict = solve(proof.checker(proof.config), proof.depth)

@@ -35,7 +35,15 @@ Network = Annotated[Path, arg(..., "INTEGER.npz", "integer network, from eskin q
 WINDOW_S = 3.0  # seconds in the raster of a foreign chip
 
 
-@command("Board", needs="board", fuzz="good/nothing.npz --port good/nothing -o new.npz")
+@command(
+    "Board",
+    needs="board",
+    fuzz="good/nothing.npz --port good/nothing -o new.npz",
+    idle={
+        "--samples": "--only",
+        "--sensor": "--only --raw --check",
+    },
+)
 def play(
     weights: Network,
     port: Port,

@@ -91,7 +91,14 @@ def import_(
     echo(f"{out}: {network.inputs} inputs, {network.hidden} hidden neurons, classes {names}")
 
 
-@command("Classifier", needs="snn", fuzz="good/train/weights.npz -o new.npz")
+@command(
+    "Classifier",
+    needs="snn",
+    fuzz="good/train/weights.npz -o new.npz",
+    idle={
+        "--in-bits & --rec-bits & --out-bits": "--bits",
+    },
+)
 def quantise(
     weights: Path = arg(TRAINED, "WEIGHTS.npz", "trained network"),
     bits: int = opt(8, "bits of all weights", min=2, max=8),

@@ -29,7 +29,14 @@ MAX_LINES = 20  # recordings listed one by one; of more, only those without a cl
 MAX_CLASSES = 12  # classes of a printed confusion matrix
 
 
-@command("Classifier", needs="snn", fuzz="good/train/weights.npz --events good/events.npz -o new.json")
+@command(
+    "Classifier",
+    needs="snn",
+    fuzz="good/train/weights.npz --events good/events.npz -o new.json",
+    idle={
+        "no --check-model": "--dataset",
+    },
+)
 def predict(
     weights: Path = arg(TRAINED, "WEIGHTS.npz", "trained network"),
     events: list[Path] | None = opt(

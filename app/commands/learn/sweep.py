@@ -27,7 +27,15 @@ DEFAULT_POINTS = "lcs:2,lcs:4,lcs:6,lcs:8,nlcs:4,nlcs:6,nlcs:8,nlcs:10"
 UNSAID: dict[str, Any] = dict.fromkeys(NOT_OF_A_SWEEP)  # options that a point does not set
 
 
-@command("Classifier", needs="snn", fuzz="--points lcs:4,lcs:4 -o new")
+@command(
+    "Classifier",
+    needs="snn",
+    fuzz="--points lcs:4,lcs:4 -o new",
+    idle={
+        "--events": "--points",
+        "--test": "--folds",
+    },
+)
 @with_experiment
 def sweep(
     *,

@@ -30,7 +30,7 @@ OUT = Path("out/train")
 FILES = ("checkpoint.pt", "result.json", "weights.npz")
 
 
-@command("Classifier", needs="snn", fuzz="--events good/events --folds 2 --fold 9")
+@command("Classifier", needs="snn", fuzz="--events good/events --folds 2 --fold 9", idle={"--test": "--fold --folds"})
 @with_experiment
 def train(
     make: Any,

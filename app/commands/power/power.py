@@ -25,7 +25,15 @@ SENSOR = ("rows", "columns", "signal_bandwidth_hz", "supply_v", "pads_voltage_v"
 """Parameters of the power model with an option; ``--set`` changes the other parameters."""
 
 
-@command("Power and data rate", fuzz="")
+@command(
+    "Power and data rate",
+    fuzz="",
+    idle={
+        "--parameters": "--mode --resolution --noise --tau --correct "
+        "--without --crossover --synthesis --dataset --preset --rates",
+        "--crossover": "--resolution --noise --tau",
+    },
+)
 def power(
     mode: str | None = opt(None, "paper|consistent", "published model, or with all corrections [paper]"),
     resolution: int = opt(6, "N", "LSB = 2**-N of full scale, 1..10"),
@@ -130,7 +138,14 @@ def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
     print_table(("correction", "meaning"), CORRECTIONS.items(), left=(0, 1))
 
 
-@command("Power and data rate", fuzz="-o new")
+@command(
+    "Power and data rate",
+    fuzz="-o new",
+    idle={
+        "no --event-rate": "--rate-resolution",
+        "--event-rate": "--preset",
+    },
+)
 @with_fields(PowerParameters, SENSOR, "sensor", {"signal_bandwidth_hz": "that of the textures"})
 def explore(
     sensor: dict[str, Any],

@@ -42,7 +42,13 @@ if TYPE_CHECKING:
 _MAX_LINES = 32  # differing taxels that compare lists
 
 
-@command("Signals to events and back", fuzz="good/samples.npz --rows 1 --columns 4 -o new.npz")
+@command(
+    "Signals to events and back",
+    fuzz="good/samples.npz --rows 1 --columns 4 -o new.npz",
+    idle={
+        "--preset=paper": "--sample-rate --decide-every --reference-reset --start-row",
+    },
+)
 @with_config
 @with_fields(Preparation, PREPARATION, "prepared", DEFAULTS, heading=RECORDINGS)
 def encode(

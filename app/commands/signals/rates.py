@@ -14,7 +14,7 @@ from eskin.skin.textures.presets import preset
 from eskin.skin.textures.rates import PAPER_TAU_S, compare_traffic, measure_rates, published_rate_hz
 
 
-@command("Power and data rate", fuzz="--dataset good/images --limit 1")
+@command("Power and data rate", fuzz="--dataset good/images --limit 1", idle={"--preset=paper": "--start-row"})
 @with_config(fields=("encoding", "resolution", "rows", "columns"))
 def rates(
     config: ReadoutConfig,

@@ -13,7 +13,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import OWN_FIELDS, FrameConfig
 
 
-@command("Hardware", needs="sim asic", switch="sim GATES")
+@command("Hardware", needs="sim asic", switch="sim GATES", idle={"--only": "--seed --textures"})
 @with_config
 def gatesim(
     config: ReadoutConfig,
@@ -45,7 +45,7 @@ def gatesim(
     print(common.bit_exact(tally))
 
 
-@command("Hardware", needs="sim asic")
+@command("Hardware", needs="sim asic", idle={"--readout=frame": "SPIKING --tau"})
 @with_config
 @with_fields(FrameConfig, OWN_FIELDS, "own")
 def asic(
@@ -85,7 +85,7 @@ def asic(
     common.conclude(found.problems, found.closing_line())
 
 
-@command("Hardware", needs="sim asic")
+@command("Hardware", needs="sim asic", idle={"--three": "--encoding --frontend"})
 @with_config
 def gatepower(
     config: ReadoutConfig,

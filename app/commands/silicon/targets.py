@@ -36,7 +36,15 @@ def layout(
     common.conclude(found.problems, found.closing_line())
 
 
-@command("Hardware", needs="fpga")
+@command(
+    "Hardware",
+    needs="fpga",
+    idle={
+        "--alone": "--board --baud --adc --settle",
+        "--receiver": "--adc",
+        "no --adc": "--settle",
+    },
+)
 def fpga(
     board: str = opt("ulx3s", "|".join(BOARDS), "board; ulx3s has 85 k LUTs"),
     weights: Path | None = opt(None, "integer network of the chip [network of the embedded textures, fold 0]"),

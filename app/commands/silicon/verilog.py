@@ -23,7 +23,20 @@ if TYPE_CHECKING:
 READOUTS = ("spiking", "frame")
 
 
-@command("Hardware", variables="OUT=out/verilog", fuzz="-o good/config.json/new")
+@command(
+    "Hardware",
+    variables="OUT=out/verilog",
+    fuzz="-o good/config.json/new",
+    idle={
+        "--merge": "--relays",
+        "no --tiles": "--merge --relays",
+        "--tiles": "--classifier --chip --readout --report "
+        "--clock-gates --word-bits --settle-clocks --conversion-clocks",
+        "no --classifier": "--chip",
+        "--classifier": "--readout --report",
+        "--readout=frame": "SPIKING --tau",
+    },
+)
 @with_config
 @with_fields(FrameConfig, OWN_FIELDS, "own")
 def verilog(

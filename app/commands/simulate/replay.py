@@ -27,7 +27,15 @@ KEPT = {"runs": [{"configuration": {"encoding": str}}]}
 """Shape of the file of --keep."""
 
 
-@command("RTL against model", needs="sim", fuzz="--dataset good/images --only no-such-texture")
+@command(
+    "RTL against model",
+    needs="sim",
+    fuzz="--dataset good/images --only no-such-texture",
+    idle={
+        "--preset=paper": "--sample-rate --decide-every --reference-reset --start-row",
+        "--only": "--limit",
+    },
+)
 @with_config
 @with_preparation
 def replay(
@@ -94,7 +102,7 @@ def _conclude(plan: Plan, played: int, now: dict[str, Any], keep: Path | None) -
     print(f"bit-exact: {count} runs, {summary['clocks']} clocks, {summary['events']} events, 0 mismatches")
 
 
-@command("RTL against model", needs="sim", fuzz="--only no-such-texture")
+@command("RTL against model", needs="sim", fuzz="--only no-such-texture", idle={"--only": "--limit"})
 def touch(
     weights: Path | None = opt(
         None, "integer network, or a folder with one for each fold [the project's own; --data: from eskin quantise]"

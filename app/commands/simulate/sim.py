@@ -21,7 +21,16 @@ if TYPE_CHECKING:
     from eskin.cocotb_tests.runner.sim import Plan
 
 
-@command("RTL against model", needs="sim", fuzz="--only no-such-texture")
+@command(
+    "RTL against model",
+    needs="sim",
+    fuzz="--only no-such-texture",
+    idle={
+        "--only": "--seed --textures",
+        "--data": "--seed",
+        "no --dut": "--top",
+    },
+)
 @with_config(every=True)
 @with_preparation
 def sim(

@@ -13,7 +13,14 @@ if TYPE_CHECKING:
     from eskin.cocotb_tests.runner.process import Tally
 
 
-@command("Checks of the project", needs="sim", fuzz="--sim good/nothing -o new")
+@command(
+    "Checks of the project",
+    needs="sim",
+    fuzz="--sim good/nothing -o new",
+    idle={
+        "--only": "--seed --hours --clocks --out",
+    },
+)
 def soak(
     hours: float = opt(0.1, "hours after which no further run starts"),
     seed: int = opt(0, "seed of the first runs; the next ones add 1"),
