@@ -13,6 +13,7 @@ from cocotbext.aer import (
     AerBus,
     AerChecker,
     AerEvent,
+    AerFunnel,
     AerMonitor,
     AerProtocolError,
     AerSink,
@@ -90,6 +91,41 @@ async def a_bus_may_have_no_address(dut: Any) -> None:
     ends.source.send_nowait(0)
     assert (await ends.sink.recv()).address == 0
     assert ends.source.bus.addr is None
+
+
+@cocotb.test()
+async def names_may_be_in_capitals(dut: Any) -> None:
+    for prefixes in (("AERIN", "AEROUT"), ("aerin", "aerout")):
+        source, sink = (
+            part(AerBus.from_prefix(dut, at)) for part, at in zip((AerSource, AerSink), prefixes, strict=True)
+        )
+        source.send_nowait(77)
+        assert await sink.recv() == AerEvent(77)
+        await source.wait()
+
+
+@cocotb.test()
+async def a_funnel_takes_any_order_of_sources_and_no_other(dut: Any) -> None:
+    sent = [AerEvent(source << 4 | number) for source in range(4) for number in range(3)]
+    ends, rng = Ends(dut), random.Random(3)
+    order = rng.sample([0, 1, 2, 3] * 3, 12)
+    queues = {source: iter(sent[3 * source : 3 * source + 3]) for source in range(4)}
+    funnel = AerFunnel(lambda event: event.address >> 4)
+    funnel.expect(*sent)
+    for source in order:
+        ends.source.send_nowait(next(queues[source]))
+    for _ in order:
+        funnel.check(await ends.sink.recv())
+    funnel.finish()
+    with pytest.raises(AssertionError, match="no event of source 1 is left"):
+        funnel.check(AerEvent(0x10))
+    funnel.expect(0x20, 0x21)
+    with pytest.raises(AssertionError, match=r"came where source 2 has AerEvent\(address=32"):
+        funnel.check(AerEvent(0x21))
+    with pytest.raises(AssertionError, match="2 events did not come"):
+        funnel.finish()
+    with pytest.raises(AssertionError, match="no event was checked"):
+        AerFunnel().finish()
 
 
 @cocotb.test()
@@ -259,8 +295,14 @@ async def a_violation_ends_the_test(dut: Any) -> None:
 async def what_cannot_be_done_is_said(dut: Any) -> None:
     for build, text in (
         (lambda: AerBus(ack=dut.in_ack), "either req, or req_on and req_off"),
-        (lambda: AerBus.from_prefix(dut, "nothing"), "wires has no signal nothing_ack"),
-        (lambda: AerStreamBus.from_prefix(dut, "s", ("col", "polarity")), "wires has no signal s_polarity"),
+        (
+            lambda: AerBus.from_prefix(dut, "nothing"),
+            "no signal nothing_ack or NOTHING_ACK; give signals of other names as ",
+        ),
+        (
+            lambda: AerStreamBus.from_prefix(dut, "s", ("col", "polarity")),
+            "wires has no signal s_polarity, also not in capitals; ",
+        ),
         (lambda: AerStreamBus.from_prefix(dut, "s", ("col",)).pack(col=8), "col must fit in 3 bits, not 8"),
         (lambda: AerEvent(-1), "must be at least 0"),
         (lambda: AerSink(AerBus.from_prefix(dut, "out")).inject(Fault.LATE_ADDRESS), "cannot inject LATE_ADDRESS"),

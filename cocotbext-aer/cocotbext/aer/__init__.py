@@ -8,12 +8,14 @@ from cocotbext.aer.bus import AerBus, AerStreamBus
 from cocotbext.aer.checker import AerChecker, AerProtocolError, AerStreamChecker, Rule, Violation
 from cocotbext.aer.event import AerEvent
 from cocotbext.aer.four_phase import AerMonitor, AerSink, AerSource
+from cocotbext.aer.funnel import AerFunnel
 from cocotbext.aer.stream import AerStreamMonitor, AerStreamSink, AerStreamSource
 
 __all__ = [
     "AerBus",
     "AerChecker",
     "AerEvent",
+    "AerFunnel",
     "AerMonitor",
     "AerProtocolError",
     "AerSink",

@@ -10,6 +10,12 @@ from cocotbext.aer.event import AerEvent
 REQUESTS = ("req_on", "req_off")
 
 
+def _signal(entity: Any, name: str) -> Any:
+    """Return the signal of an entity with a name, as it is or in capitals; None if there is none."""
+    found = getattr(entity, name, None)
+    return getattr(entity, name.upper(), None) if found is None else found
+
+
 class AerBus:
     """Four-phase bus with one or two requests, an acknowledge, and a bundled address.
 
@@ -51,15 +57,21 @@ class AerBus:
     def from_prefix(cls, entity: Any, prefix: str = "", active_low: bool = False) -> AerBus:
         """Return the bus with signals ``{prefix}_req`` (or ``_req_on``, ``_req_off``), ``_ack`` and ``_addr``.
 
+        A name may also be in capitals: ``AERIN_REQ``.
+
         Raises
         ------
         AttributeError
-            If the entity has no such acknowledge.
+            If the entity has no such acknowledge or request.
         """
         start = f"{prefix}_" if prefix else ""
-        found = {name: getattr(entity, start + name, None) for name in ("req", *REQUESTS, "ack", "addr")}
-        if found["ack"] is None:
-            raise AttributeError(f"{entity._path} has no signal {start}ack")
+        found = {name: _signal(entity, start + name) for name in ("req", *REQUESTS, "ack", "addr")}
+        for name in ("ack", "req"):
+            if found[name] is None and not (name == "req" and all(found[one] is not None for one in REQUESTS)):
+                raise AttributeError(
+                    f"{entity._path} has no signal {start}{name} or {(start + name).upper()}; give signals of other "
+                    f"names as AerBus(req=..., ack=..., addr=...)"
+                )
         return cls(**found, active_low=active_low)
 
     @classmethod
@@ -113,9 +125,12 @@ class AerStreamBus:
             If a signal is missing.
         """
         names = ("valid", "ready", *fields)
-        found = {name: getattr(entity, f"{prefix}_{name}", None) for name in names}
+        found = {name: _signal(entity, f"{prefix}_{name}") for name in names}
         if missing := [f"{prefix}_{name}" for name in names if found[name] is None]:
-            raise AttributeError(f"{entity._path} has no signal {', '.join(missing)}")
+            raise AttributeError(
+                f"{entity._path} has no signal {', '.join(missing)}, also not in capitals; give signals of other names "
+                f"as AerStreamBus(valid, ready, fields)"
+            )
         return cls(found["valid"], found["ready"], {name: found[name] for name in fields})
 
     def pack(self, **values: int) -> int:
