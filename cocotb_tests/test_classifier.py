@@ -38,6 +38,12 @@ SYNAPTIC = [
     network_of(3, 5, 2, 1, **SYNAPSE, **OUT_SYNAPSE, **NARROW, neuron_reset="subtract", reset="async"),
 ]
 """Neurons with a synaptic current: one network with bits for all values, and one with sums that saturate."""
+OWN = [
+    network_of(5, 12, 3, 4, own_parameters=True, **FIRING),
+    network_of(4, 9, 4, 2, own_parameters=True, neuron_reset="subtract", membrane_bits=11, reset="async"),
+    network_of(6, 10, 3, 4, own_parameters=True, synapse_shift=3, readout="membrane", membrane_bits=14),
+]
+"""Neurons with a threshold and a leak of their own, with each kind of reset, and with a synaptic current."""
 
 
 def name(config: ClassifierConfig) -> str:
@@ -45,8 +51,8 @@ def name(config: ClassifierConfig) -> str:
     return f"{config.inputs}-{config.hidden}-{config.classes}-{config.lanes}l-{config.reset}"
 
 
-@pytest.mark.representative("2-1-3", "16-33-4-16l", "6-8-7-8l")
-@pytest.mark.parametrize("config", CONFIGS + SYNAPTIC, ids=name)
+@pytest.mark.representative("2-1-3", "16-33-4-16l", "6-8-7-8l", "4-9-4-2l")
+@pytest.mark.parametrize("config", CONFIGS + SYNAPTIC + OWN, ids=name)
 def test_rtl_equals_the_model_in_every_potential_class_and_clock(config: ClassifierConfig, tmp_path: Path) -> None:
     counts = cosimulate(config, "icarus", tmp_path, config.hidden)
     assert counts["events"] > 100

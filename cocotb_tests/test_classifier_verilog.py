@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from eskin.cocotb_tests.blocks.classifier import random_network
-from eskin.cocotb_tests.test_classifier import CONFIGS, SYNAPTIC, name
+from eskin.cocotb_tests.test_classifier import CONFIGS, OWN, SYNAPTIC, name
 from eskin.cocotb_tests.test_verilog import delivered
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.file import IntegerWeights
@@ -19,14 +19,16 @@ TOP = "eskin_classifier"
 PAPERS = ClassifierConfig(floor=-256, out_floor=-256)
 
 
-@pytest.mark.parametrize("config", [CONFIGS[1], CONFIGS[5], CONFIGS[7], SYNAPTIC[0], PAPERS], ids=name)
+@pytest.mark.parametrize("config", [CONFIGS[1], CONFIGS[5], CONFIGS[7], SYNAPTIC[0], OWN[1], PAPERS], ids=name)
 def test_files_are_clean_complete_and_agree(config: ClassifierConfig, tmp_path: Path) -> None:
     text, _, described = delivered(config, tmp_path)
     bits = {}
     for module in re.findall(r"^module .*?^endmodule", text, re.MULTILINE | re.DOTALL):
         parts = re.findall(r"^  reg (?:\[(\d+):0\] )?memory\w* \[(\d+):0\];", module, re.MULTILINE)
         bits[re.split(r"\W", module)[1]] = sum((int(high or 0) + 1) * (int(last) + 1) for high, last in parts)
-    assert sum(count for name, count in bits.items() if name.endswith("_weights")) == config.memory_bits
+    assert (
+        sum(count for name, count in bits.items() if name.endswith(("_weights", "_parameters"))) == config.memory_bits
+    )
     assert bits.get("eskin_potentials", 0) == (config.hidden * config.membrane_bits if config.synapse_shift else 0)
     assert ClassifierConfig.from_dict(described["configuration"]) == config
     assert described["clock_hz"] == config.clock_hz

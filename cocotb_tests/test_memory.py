@@ -14,11 +14,12 @@ from eskin.model.classifier.config import ClassifierConfig
 from eskin.rtl.classifier.memory import address_bits
 
 CLOCKS = 400
-CONFIG = network_of(5, 12, 3, 4)
+CONFIG = network_of(5, 12, 3, 4, own_parameters=True)
 TOPS = {
     "eskin_input_weights": CONFIG.input_words,
     "eskin_recurrent_weights": CONFIG.recurrent_words,
     "eskin_neuron_weights": CONFIG.neuron_words,
+    "eskin_neuron_parameters": CONFIG.parameter_words,
 }
 
 

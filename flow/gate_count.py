@@ -15,6 +15,7 @@ GENERIC = "abc -g AND,OR,XOR,MUX"
 """Cells of a count without a library: two-input gates, multiplexers and inverters, each counted as one."""
 
 MEMORIES = "eskin_input_weights eskin_recurrent_weights eskin_neuron_weights"
+PARAMETERS = "eskin_neuron_parameters"
 """Modules of the classifier that are memory macros, and that the count leaves out."""
 
 GENERIC_FLOP = re.compile(r"\$_S?DFF\w*_")
@@ -53,8 +54,11 @@ def count_gates(config: Config, taxels: int, liberty: Path | None = None) -> Gat
     files = {} if library is None else {"cells.lib": library.content}
     option = "" if library is None else " -liberty cells.lib"
     mapping = GENERIC if library is None else f"dfflibmap{option}; abc{option}"
+    outside = ""
+    if isinstance(config, ClassifierConfig):
+        outside = f"blackbox {MEMORIES}{f' {PARAMETERS}' if config.own_parameters else ''}; "
     script = (
-        f"read_rtlil readout.il; {f'blackbox {MEMORIES}; ' if isinstance(config, ClassifierConfig) else ''}"
+        f"read_rtlil readout.il; {outside}"
         f"synth -top {top_block(config).module_name}; {mapping}; opt_clean -purge; "
         f"tee -q -o stat.json stat -json{option}"
     )

@@ -18,7 +18,13 @@ from eskin.rtl.bus.wrapper import AxiReadout
 from eskin.rtl.classifier.chip import Chip
 from eskin.rtl.classifier.core import Classifier
 from eskin.rtl.classifier.lane import Lane, Limit
-from eskin.rtl.classifier.memory import InputMemory, NeuronMemory, PotentialMemory, RecurrentMemory
+from eskin.rtl.classifier.memory import (
+    InputMemory,
+    NeuronMemory,
+    ParameterMemory,
+    PotentialMemory,
+    RecurrentMemory,
+)
 from eskin.rtl.encoders.fields import Fields
 from eskin.rtl.frame import FrameReadout
 from eskin.rtl.gates import clock_gates
@@ -181,7 +187,7 @@ def _unused(text: str, config: Config) -> Iterator[tuple[str, str, str]]:
             yield "eskin_registers", "write_data", "no register has a field there"
     if isinstance(network, ClassifierConfig):
         yield Classifier.module_name, "awake", awake
-        for block in (InputMemory, RecurrentMemory, NeuronMemory, PotentialMemory, Lane):
+        for block in (InputMemory, RecurrentMemory, NeuronMemory, ParameterMemory, PotentialMemory, Lane):
             yield block.module_name, "rst", "a memory has no reset"
         for memory, words in ((InputMemory, network.input_words), (RecurrentMemory, network.recurrent_words)):
             for port in ("read_address", "write_address") if words == 1 else ():

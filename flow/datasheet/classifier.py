@@ -59,8 +59,12 @@ def _memories(config: ClassifierConfig) -> list[tuple[str, str, str, str]]:
     rows = [
         ("rows of input weights", config.input_words, config.lanes * config.in_bits),
         ("rows of recurrent weights", config.recurrent_words, config.lanes * config.rec_bits),
-        ("output weights and biases", config.neuron_words, config.neuron_bits),
+        ("output weights and biases", config.neuron_words, config.neuron_weight_bits),
     ]
+    if config.own_parameters:
+        rows.append(
+            ("thresholds and leaks, the upper bits of the biases", config.parameter_words, config.parameter_bits)
+        )
     if config.synapse_shift:
         rows.append(("potentials, which `load_*` does not reach", config.hidden, config.membrane_bits))
     return [(what, f"{words}", f"{bits}", f"{words * bits}") for what, words, bits in rows]

@@ -22,12 +22,12 @@ from eskin.flow.power.opensta_power import OpenstaPower
 from eskin.model.classifier.chip import channels_of, simulate_chip
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
-from eskin.model.classifier.file import neuron_image, row_image
+from eskin.model.classifier.file import neuron_image, parameter_image, row_image
 from eskin.model.classifier.network import IntegerNetwork
 from eskin.model.classifier.run import ClassifierRun, first_ready, simulate
 from eskin.rtl import yosys
 from eskin.rtl.classifier.core import Classifier
-from eskin.rtl.classifier.memory import InputMemory, NeuronMemory, RecurrentMemory
+from eskin.rtl.classifier.memory import InputMemory, NeuronMemory, ParameterMemory, RecurrentMemory
 from eskin.rtl.gates.clock_gates import FLOPS
 from eskin.rtl.verilog import block_rtlil
 
@@ -41,11 +41,13 @@ MAX_APART = 0.1
 
 
 MEMORIES: dict[
-    str, tuple[type[InputMemory | RecurrentMemory | NeuronMemory], Callable[[IntegerNetwork], list[int]]]
+    str,
+    tuple[type[InputMemory | RecurrentMemory | NeuronMemory | ParameterMemory], Callable[[IntegerNetwork], list[int]]],
 ] = {
     "inputs": (InputMemory, lambda n: row_image(n.config, n.w_in, n.config.in_bits, n.config.input_words)),
     "recurrent": (RecurrentMemory, lambda n: row_image(n.config, n.w_rec, n.config.rec_bits, n.config.recurrent_words)),
     "neurons": (NeuronMemory, neuron_image),
+    "parameters": (ParameterMemory, parameter_image),
 }
 """Memories of a classifier by the name of their instance, and the words that they hold."""
 
@@ -63,13 +65,18 @@ class Window:
     clocks: int
 
 
+def _memories(config: ClassifierConfig) -> dict[str, Any]:
+    """Return the memories that a classifier has."""
+    return {name: of for name, of in MEMORIES.items() if name != "parameters" or config.own_parameters}
+
+
 def outside(config: ClassifierConfig) -> str:
     """Return the RTLIL of a classifier whose memories stand outside: their pins are ports."""
     block = Classifier(config)
     script = POTENTIALS.format(top=block.module_name, flops=FLOPS)
     design = json.loads(yosys.run(script, block_rtlil(block), "a.json"))
     top = design["modules"][block.module_name]
-    for name, (memory, _) in MEMORIES.items():
+    for name, (memory, _) in _memories(config).items():
         del design["modules"][memory.module_name]
         cell = top["cells"].pop(name)
         for pin, bits in cell["connections"].items():
@@ -94,14 +101,16 @@ def play(
     """Simulate events on a netlist, compare with the golden model, and return the dump and the run of the model."""
     config = network.config
     width = config.clocks_per_bin
-    memories = {name: (image(network), len(memory(config).read_data)) for name, (memory, image) in MEMORIES.items()}
+    memories = {
+        name: (image(network), len(memory(config).read_data)) for name, (memory, image) in _memories(config).items()
+    }
     images = memories | {"at": ([clock for clock, _ in offered] or [0], 64)}
     images["channel"] = ([channel for _, channel in offered] or [0], 32)
     for name, (words, bits) in images.items():
         lines = "".join(f"{word & (1 << bits) - 1:x}\n" for word in words)
         (folder / f"{name}.hex").write_text(lines)
     given = {"clk": "clk", "rst": "rst", "event_channel": f"channel[n][{max(config.channel_bits, 1) - 1}:0]"}
-    given |= {f"{name}_read_data": f"{name}_word" for name in MEMORIES}
+    given |= {f"{name}_read_data": f"{name}_word" for name in memories}
     driven = {"event_valid", "bin_end"}
     wires = [
         (port.name, len(port.nets))

@@ -1,6 +1,7 @@
 """Configuration of the hardware classifier (docs/reference/classifier.md)."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
@@ -16,6 +17,10 @@ MAX_HIDDEN = 4096
 MAX_CLASSES = 64
 MAX_BITS = 32
 """Largest number of bits of a potential."""
+
+OWN_SHIFT_BITS = 3
+MAX_OWN_SHIFT = 2**OWN_SHIFT_BITS - 1
+"""Largest leak shift of a neuron with own parameters; 0 means no leak."""
 
 HEADROOM = 32
 """Thresholds, or floors if these are larger, on each side of 0 before a narrow potential saturates. With 16 of them no
@@ -37,6 +42,9 @@ class ClassifierConfig(Configuration):
       added to v; then i - (i * synapse_factor >> synapse_shift) remains. Shift 0: weights add to v.
     - Outputs fire, and their spikes are the evidence; or they do not fire, and the sum of their potentials is it. The
       fields ``out_...`` are those of the output neurons.
+    - With ``own_parameters`` each neuron has a threshold and a leak of its own, which the host loads with the bias. A
+      threshold has then at most as many bits as ``threshold``. ``threshold`` and ``leak_shift`` are the values of a
+      network that states no others.
     """
 
     noun = ("a classifier's configuration", "classifier")
@@ -87,6 +95,9 @@ class ClassifierConfig(Configuration):
         0, "", CLASSIFIER, "leak of the synaptic current of the outputs; 0: no synaptic current"
     )
     out_synapse_factor: int = parameter(1, "", CLASSIFIER, "factor of the leak of the synaptic current of the outputs")
+    own_parameters: bool = parameter(
+        False, "", CLASSIFIER, "each neuron has a threshold and a leak of its own, loaded at run time"
+    )
     reset: Reset = parameter("sync", "", CLASSIFIER, "reset style of the flops")
 
     def __post_init__(self) -> None:
@@ -102,6 +113,12 @@ class ClassifierConfig(Configuration):
             factor, most = getattr(self, f"{name}_factor"), 2 ** getattr(self, f"{name}_shift")
             if not 1 <= factor <= most:
                 raise InputError(f"{name}_factor must be in 1..{most} (2**{name}_shift), not {factor}")
+        for name in ("leak", "out_leak") if self.own_parameters else ():
+            shift, factor = getattr(self, f"{name}_shift"), getattr(self, f"{name}_factor")
+            if shift > MAX_OWN_SHIFT or factor > 1:
+                raise InputError(
+                    f"with own parameters, {name} must be a shift of at most {MAX_OWN_SHIFT}, not {factor} / 2**{shift}"
+                )
         if self.lanes & (self.lanes - 1):
             raise InputError(f"lanes must be a power of two, not {self.lanes}")
         if not (math.isfinite(self.bin_s) and self.bin_s > 0):
@@ -161,15 +178,36 @@ class ClassifierConfig(Configuration):
         return max(self.hidden, self.classes) << self.neuron_row_bits
 
     @property
-    def neuron_bits(self) -> int:
+    def neuron_weight_bits(self) -> int:
         """Bits per word of the memory that holds output weights and biases."""
         return max(self.out_bits, self.bias_bits)
 
     @property
+    def threshold_bits(self) -> int:
+        """Bits of the threshold of a neuron with own parameters."""
+        return max(self.threshold, self.out_threshold).bit_length()
+
+    @property
+    def parameter_bits(self) -> int:
+        """Bits of threshold and leak of a neuron with own parameters; 0 without them."""
+        return self.threshold_bits + OWN_SHIFT_BITS if self.own_parameters else 0
+
+    @property
+    def parameter_words(self) -> int:
+        """Words of the memory that holds thresholds and leaks: one for a hidden neuron, and one for an output."""
+        return 2 * max(self.hidden, self.classes) if self.own_parameters else 0
+
+    @property
+    def neuron_bits(self) -> int:
+        """Bits of a word of a neuron that the host loads: weight or bias, then threshold and leak."""
+        return self.neuron_weight_bits + self.parameter_bits
+
+    @property
     def memory_bits(self) -> int:
-        """Total bits of the three weight memories."""
+        """Total bits of the memories that the host loads."""
         rows = self.recurrent_words * self.rec_bits + self.input_words * self.in_bits
-        return rows * self.lanes + self.neuron_words * self.neuron_bits
+        neurons = self.neuron_words * self.neuron_weight_bits + self.parameter_words * self.parameter_bits
+        return rows * self.lanes + neurons
 
     def additions(self, events: float, spikes: float, bins: float) -> float:
         """Return the number of additions of weights and biases for a number of events, hidden spikes and bins."""
@@ -198,33 +236,45 @@ class ClassifierConfig(Configuration):
 
     @property
     def hidden_range(self) -> tuple[int, int] | None:
-        """Range of the hidden potentials over all possible weights, or None if unlimited."""
+        """Range of the hidden potentials over all possible weights and own parameters, or None if unlimited."""
         low = self.events_per_bin * lowest(self.in_bits, self.in_shift)
         low += self.hidden * lowest(self.rec_bits, self.rec_shift) + lowest(self.bias_bits, self.bias_shift)
         high = self.events_per_bin * highest(self.in_bits, self.in_shift)
         high += self.hidden * highest(self.rec_bits, self.rec_shift) + highest(self.bias_bits, self.bias_shift)
-        return self.hidden_ends(low, high)
+        return self._range(self.hidden_ends, low, high, self.threshold, self.leak_shift)
 
     @property
     def output_range(self) -> tuple[int, int] | None:
-        """Range of the output potentials over all possible weights, or None if unlimited."""
+        """Range of the output potentials over all possible weights and own parameters, or None if unlimited."""
         low = self.hidden * lowest(self.out_bits, self.out_shift) + lowest(self.bias_bits, self.out_bias_shift)
         high = self.hidden * highest(self.out_bits, self.out_shift) + highest(self.bias_bits, self.out_bias_shift)
-        return self.output_ends(low, high)
+        return self._range(self.output_ends, low, high, self.out_threshold, self.out_leak_shift)
 
-    def hidden_ends(self, low: int, high: int) -> tuple[int, int] | None:
-        """Return the common range of hidden potentials and currents, for a sum from ``low`` to ``high`` per bin."""
+    def _range(
+        self, ends: Callable[..., tuple[int, int] | None], low: int, high: int, threshold: int, shift: int
+    ) -> tuple[int, int] | None:
+        """Return the range over all own parameters that a host may load, if the neurons have their own."""
+        if not self.own_parameters:
+            return ends(low, high, threshold, shift)
+        # Without leak, and with a threshold lower than a bin adds, a reset by subtraction does not limit a potential.
+        return None if self.neuron_reset == "subtract" else ends(low, high, largest_threshold(threshold), 0)
+
+    def hidden_ends(self, low: int, high: int, threshold: int, shift: int) -> tuple[int, int] | None:
+        """Return the common range of potential and current of a hidden neuron.
+
+        A bin adds from ``low`` to ``high``; ``threshold`` and ``shift`` (of the leak) are those of the neuron.
+        """
         synapse = Leak(self.synapse_shift, self.synapse_factor)
-        leak = Leak(self.leak_shift, self.leak_factor)
-        return neuron_ends(low, high, synapse, self.threshold, self.floor, self.neuron_reset, leak)
+        leak = Leak(shift, self.leak_factor)
+        return neuron_ends(low, high, synapse, threshold, self.floor, self.neuron_reset, leak)
 
-    def output_ends(self, low: int, high: int) -> tuple[int, int] | None:
-        """Return the common range of output potentials and currents, for a sum from ``low`` to ``high`` per bin."""
+    def output_ends(self, low: int, high: int, threshold: int, shift: int) -> tuple[int, int] | None:
+        """Return the common range of potential and current of an output; see ``hidden_ends``."""
         synapse = Leak(self.out_synapse_shift, self.out_synapse_factor)
-        leak = Leak(self.out_leak_shift, self.out_leak_factor)
+        leak = Leak(shift, self.out_leak_factor)
         if self.readout == "membrane":
             return neuron_ends(low, high, synapse, None, None, "zero", leak)
-        return neuron_ends(low, high, synapse, self.out_threshold, self.out_floor, self.neuron_reset, leak)
+        return neuron_ends(low, high, synapse, threshold, self.out_floor, self.neuron_reset, leak)
 
     @property
     def saturates(self) -> bool:
@@ -250,7 +300,7 @@ class ClassifierConfig(Configuration):
     # -- construction and exchange ---------------------------------------------------------------
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as a dictionary; without synaptic shifts and leak factors at their defaults."""
+        """Return all fields as a dictionary; without those of ``OPTIONAL`` at their defaults."""
         fields = super().to_dict()
         return {name: value for name, value in fields.items() if name not in OPTIONAL or value != OPTIONAL[name]}
 
@@ -259,7 +309,8 @@ LEAKS = ("leak", "synapse", "out_leak", "out_synapse")
 SHIFTS = ("in_shift", "rec_shift", "bias_shift", "out_shift", "out_bias_shift", *(f"{name}_shift" for name in LEAKS))
 
 
-OPTIONAL = {f"{name}_factor": 1 for name in LEAKS} | {"synapse_shift": 0, "out_synapse_shift": 0}
+OPTIONAL: dict[str, Any] = {f"{name}_factor": 1 for name in LEAKS}
+OPTIONAL |= {"synapse_shift": 0, "out_synapse_shift": 0, "own_parameters": False}
 """Fields with their defaults; a file contains a field only if its value is not the default."""
 
 
@@ -278,6 +329,11 @@ def lowest(bits: int, shift: int = 0) -> int:
 def highest(bits: int, shift: int = 0) -> int:
     """Return the largest signed integer of a bit width, shifted left."""
     return (1 << bits - 1) - 1 << shift
+
+
+def largest_threshold(common: int) -> int:
+    """Return the largest threshold that a host may load into a neuron with own parameters."""
+    return (1 << common.bit_length()) - 1
 
 
 def bits_of(ends: tuple[int, int] | None) -> float:

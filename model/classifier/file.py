@@ -19,6 +19,8 @@ from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.network import IntegerNetwork
 
 ARRAYS = {"w_in": np.int8, "w_rec": np.int8, "w_out": np.int8, "b_hidden": np.int16, "b_out": np.int16}
+PARAMETERS = {"threshold": np.int32, "leak": np.int8, "out_threshold": np.int32, "out_leak": np.int8}
+"""Arrays of a file, and those that only a network with own parameters has."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,8 @@ class IntegerWeights:
             "class_names": list(self.class_names),
             "notes": self.notes,
         }
-        arrays: dict[str, NDArray[Any]] = {n: getattr(self.network, n).astype(kind) for n, kind in ARRAYS.items()}
+        kinds = arrays_of(self.network.config)
+        arrays: dict[str, NDArray[Any]] = {n: getattr(self.network, n).astype(kind) for n, kind in kinds.items()}
         arrays["metadata"] = np.array(json.dumps(header))
         write_arrays(path, arrays, compressed=True)
 
@@ -74,8 +77,13 @@ class IntegerWeights:
             raise InputError(f"it must name its {config.classes} classes, not {names!r}")
         if not isinstance(notes, dict):
             raise InputError(f"its notes must be an object, not {notes!r}")
-        network = IntegerNetwork(config, **{name: arrays[name] for name in ARRAYS})
+        network = IntegerNetwork(config, **{name: arrays[name] for name in arrays_of(config)})
         return cls(network, tuple(names), notes)
+
+
+def arrays_of(config: ClassifierConfig) -> dict[str, Any]:
+    """Return the arrays of a network's file with their types."""
+    return ARRAYS | (PARAMETERS if config.own_parameters else {})
 
 
 # -- memory images -----------------------------------------------------------------------------------
@@ -103,24 +111,42 @@ def neuron_image(network: IntegerNetwork) -> list[int]:
     """Return the words of the neuron memory: word k of neuron n has the address ``n << neuron_row_bits | k``.
 
     Words 0 to ``classes`` - 1 are its weights to the outputs, the next is its bias, and the one behind it the bias of
-    output n.
+    output n. With own parameters the threshold stands above the bias, and the leak shift above the threshold.
     """
     config = network.config
     hidden, classes = config.hidden, config.classes
     table = np.zeros((max(hidden, classes), 1 << config.neuron_row_bits), np.int64)
+    above = np.zeros_like(table)
+    above[:, classes:][:, :2] = np.reshape(parameter_image(network), (-1, 2)) if config.own_parameters else 0
     table[:hidden, :classes], table[:hidden, classes] = network.w_out, network.b_hidden
     table[:classes, classes + 1] = network.b_out
-    return [_packed([word], config.neuron_bits) for word in table.ravel().tolist()]
+    words = zip(table.ravel().tolist(), above.ravel().tolist(), strict=True)
+    return [_packed([low], config.neuron_weight_bits) | high << config.neuron_weight_bits for low, high in words]
+
+
+def parameter_image(network: IntegerNetwork) -> list[int]:
+    """Return the words of the memory of own parameters: word 2 n of hidden neuron n, word 2 n + 1 of output n."""
+    config = network.config
+    table = np.zeros((max(config.hidden, config.classes), 2), np.int64)
+    table[: config.hidden, 0] = network.threshold | network.leak << config.threshold_bits
+    table[: config.classes, 1] = network.out_threshold | network.out_leak << config.threshold_bits
+    words: list[int] = table.ravel().tolist()
+    return words
 
 
 def network_of(config: ClassifierConfig, weights: Sequence[int], neurons: Sequence[int]) -> IntegerNetwork:
     """Return the network stored in two memory images."""
     rows = np.array([_unpacked(word, config.weight_bits, config.lanes) for word in weights])
     rows = rows.reshape(config.hidden + config.inputs, -1)[:, : config.hidden]
-    table = np.array([_unpacked(word, config.neuron_bits, 1) for word in neurons]).reshape(
-        -1, 1 << config.neuron_row_bits
-    )
+    bits, shape = config.neuron_weight_bits, (-1, 1 << config.neuron_row_bits)
+    table = np.array([_unpacked(word, bits, 1) for word in neurons]).reshape(shape)
     hidden, classes = config.hidden, config.classes
+    own = {}
+    if config.own_parameters:
+        above = np.array([word >> bits for word in neurons]).reshape(shape)
+        shifts, thresholds = above >> config.threshold_bits, above & (1 << config.threshold_bits) - 1
+        own = {"threshold": thresholds[:hidden, classes], "leak": shifts[:hidden, classes]}
+        own |= {"out_threshold": thresholds[:classes, classes + 1], "out_leak": shifts[:classes, classes + 1]}
     return IntegerNetwork(
         config,
         w_in=rows[hidden:],
@@ -128,6 +154,7 @@ def network_of(config: ClassifierConfig, weights: Sequence[int], neurons: Sequen
         w_out=table[:hidden, :classes],
         b_hidden=table[:hidden, classes],
         b_out=table[:classes, classes + 1],
+        **own,
     )
 
 

@@ -7,16 +7,28 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.model.classifier.config import MAX_BITS, ClassifierConfig, Leak, bits_of, highest, lowest
+from eskin.model.classifier.config import (
+    MAX_BITS,
+    MAX_OWN_SHIFT,
+    ClassifierConfig,
+    Leak,
+    bits_of,
+    highest,
+    largest_threshold,
+    lowest,
+)
 
 Whole = NDArray[np.int64]
+
+COMMON: Whole = np.zeros(0, np.int64)
+"""Placeholder for parameters of neurons that are those of the configuration."""
 
 
 class Bin(NamedTuple):
@@ -41,11 +53,26 @@ def _arrays(config: ClassifierConfig) -> dict[str, tuple[tuple[int, ...], int]]:
     }
 
 
+def _parameters(config: ClassifierConfig) -> dict[str, tuple[int, int, int, int]]:
+    """Return the size, the common value, the least and the largest value of every array of neuron parameters."""
+    hidden, classes = config.hidden, config.classes
+    found = {
+        "threshold": (hidden, config.threshold, 1, largest_threshold(config.threshold)),
+        "leak": (hidden, config.leak_shift, 0, MAX_OWN_SHIFT),
+        "out_threshold": (classes, config.out_threshold, 1, largest_threshold(config.out_threshold)),
+        "out_leak": (classes, config.out_leak_shift, 0, MAX_OWN_SHIFT),
+    }
+    if config.own_parameters:
+        return found
+    return {name: (size, common, common, common) for name, (size, common, _, _) in found.items()}
+
+
 @dataclass(frozen=True, eq=False)
 class IntegerNetwork:
     """A spiking network with integer weights.
 
-    Raises InputError if an array has another shape, or a number exceeds its bits.
+    Raises InputError if an array has another shape, or a number exceeds its bits. Thresholds and leak shifts may
+    differ from those of the configuration only in a network with own parameters.
     """
 
     config: ClassifierConfig
@@ -54,23 +81,39 @@ class IntegerNetwork:
     w_out: Whole  # shape (hidden, classes)
     b_hidden: Whole  # shape (hidden,)
     b_out: Whole  # shape (classes,)
+    # thresholds and leak shifts, shapes (hidden,) and (classes,); by default those of the configuration
+    threshold: Whole = field(default_factory=lambda: COMMON)
+    leak: Whole = field(default_factory=lambda: COMMON)
+    out_threshold: Whole = field(default_factory=lambda: COMMON)
+    out_leak: Whole = field(default_factory=lambda: COMMON)
 
     def __post_init__(self) -> None:
         for name, (shape, bits) in _arrays(self.config).items():
-            values = np.asarray(getattr(self, name))
-            if values.shape != shape:
-                raise InputError(f"{name} has the shape {values.shape}, but the network needs {shape}")
-            if values.dtype.kind not in "iu":
-                raise InputError(f"{name} must be integers, not {values.dtype}")
-            if values.min() < lowest(bits) or values.max() > highest(bits):
-                worst = max(values.min(), values.max(), key=abs)
-                raise InputError(f"{name} must be in {lowest(bits)}..{highest(bits)}, {bits} bits, not {worst}")
-            object.__setattr__(self, name, values.astype(np.int64))
+            self._check(name, shape, lowest(bits), highest(bits), f", {bits} bits")
+        for name, (size, common, least, most) in _parameters(self.config).items():
+            if getattr(self, name) is COMMON:
+                object.__setattr__(self, name, np.full(size, common))
+            self._check(name, (size,), least, most, "" if self.config.own_parameters else " without own parameters")
+
+    def _check(self, name: str, shape: tuple[int, ...], least: int, most: int, why: str) -> None:
+        """Check an array and store it as 64-bit integers."""
+        values = np.asarray(getattr(self, name))
+        if values.shape != shape:
+            raise InputError(f"{name} has the shape {values.shape}, but the network needs {shape}")
+        if values.dtype.kind not in "iu":
+            raise InputError(f"{name} must be integers, not {values.dtype}")
+        if values.min() < least or values.max() > most:
+            worst = max(values.min(), values.max(), key=abs)
+            raise InputError(f"{name} must be in {least}..{most}{why}, not {worst}")
+        object.__setattr__(self, name, values.astype(np.int64))
 
     @classmethod
     def filled(cls, config: ClassifierConfig, fill: Callable[..., Whole]) -> IntegerNetwork:
         """Return a network whose arrays are made by a function of bit width and shape."""
-        return cls(config, **{name: fill(bits, *shape) for name, (shape, bits) in _arrays(config).items()})
+        arrays = {name: fill(bits, *shape) for name, (shape, bits) in _arrays(config).items()}
+        for name, (size, _, least, most) in _parameters(config).items() if config.own_parameters else ():
+            arrays[name] = np.clip(np.abs(fill(most.bit_length() + 1, size)), least, most)
+        return cls(config, **arrays)
 
     @property
     def hidden_ends(self) -> tuple[int, int] | None:
@@ -82,7 +125,7 @@ class IntegerNetwork:
             + end(self.b_hidden << config.bias_shift, 0)
             for end in (np.minimum, np.maximum)
         )
-        return _widest(config.hidden_ends, *added)
+        return _widest(config.hidden_ends, *added, self.threshold, self.leak)
 
     @property
     def output_ends(self) -> tuple[int, int] | None:
@@ -92,7 +135,7 @@ class IntegerNetwork:
             end(self.w_out << config.out_shift, 0).sum(0) + end(self.b_out << config.out_bias_shift, 0)
             for end in (np.minimum, np.maximum)
         )
-        return _widest(config.output_ends, *added)
+        return _widest(config.output_ends, *added, self.out_threshold, self.out_leak)
 
     def sized(self) -> IntegerNetwork:
         """Return the network with the narrowest potentials that cannot saturate.
@@ -174,26 +217,25 @@ class State:
         Returns potentials as compared and spikes of the hidden neurons, shape (scans, hidden), and of the outputs,
         shape (scans, classes).
         """
-        config = self.config
+        config, network = self.config, self.network
         bits, out_bits, evidence_bits = config.membrane_bits, config.output_bits, config.evidence_bits
-        leak, synapse = Leak(config.leak_shift, config.leak_factor), Leak(config.synapse_shift, config.synapse_factor)
+        synapse = Leak(config.synapse_shift, config.synapse_factor)
         v = _add(self.v, self.spikes, self._rec, bits)
         potential = _sum(self.rest, v, bits) if synapse.shift else v
-        potential, self.spikes, rest = _fire(potential, config.threshold, config.floor, config.neuron_reset)
-        self.rest = _leak(rest, leak)
-        self.v = _sum(_leak(v, synapse) if synapse.shift else self.rest, self._bias, bits)
+        potential, self.spikes, rest = _fire(potential, network.threshold, config.floor, config.neuron_reset)
+        self.rest = _leak(rest, network.leak, config.leak_factor)
+        self.v = _sum(_leak(v, *synapse) if synapse.shift else self.rest, self._bias, bits)
 
-        leak = Leak(config.out_leak_shift, config.out_leak_factor)
         synapse = Leak(config.out_synapse_shift, config.out_synapse_factor)
         v = _add(self.output, self.spikes, self._out, out_bits)
         output = _sum(self.output_rest, v, out_bits) if synapse.shift else v
         if config.readout == "spikes":
-            output, fired, rest = _fire(output, config.out_threshold, config.out_floor, config.neuron_reset)
+            output, fired, rest = _fire(output, network.out_threshold, config.out_floor, config.neuron_reset)
             gained = fired
         else:
             fired, rest, gained = np.zeros_like(output), output, output
-        self.output_rest = _leak(rest, leak)
-        self.output = _sum(_leak(v, synapse) if synapse.shift else self.output_rest, self._out_bias, out_bits)
+        self.output_rest = _leak(rest, network.out_leak, config.out_leak_factor)
+        self.output = _sum(_leak(v, *synapse) if synapse.shift else self.output_rest, self._out_bias, out_bits)
         self.evidence = _sum(self.evidence, gained, evidence_bits)
         return potential, self.spikes, output, fired
 
@@ -220,7 +262,7 @@ def _add(v: Whole, counts: NDArray[Any], weights: Whole, bits: int) -> Whole:
     return v
 
 
-def _fire(v: Whole, threshold: int, floor: int | None, reset: str) -> tuple[Whole, Whole, Whole]:
+def _fire(v: Whole, threshold: Whole, floor: int | None, reset: str) -> tuple[Whole, Whole, Whole]:
     """Return the clipped potentials, the spikes (0 or 1), and the potentials after reset."""
     if floor is not None:
         v = np.maximum(v, floor)
@@ -228,14 +270,14 @@ def _fire(v: Whole, threshold: int, floor: int | None, reset: str) -> tuple[Whol
     return v, fired, v - fired * threshold if reset == "subtract" else v * (1 - fired)
 
 
-def _leak(v: Whole, leak: Leak) -> Whole:
-    """Return a potential after the leak of one bin, rounded down."""
-    return v - (v * leak.factor >> leak.shift) if leak.shift else v
+def _leak(v: Whole, shift: Whole | int, factor: int) -> Whole:
+    """Return potentials after the leak of one bin, rounded down; a shift of 0 means no leak."""
+    return v - np.where(shift, v * factor >> shift, 0)
 
 
-def _widest(of: Any, low: Whole, high: Whole) -> tuple[int, int] | None:
-    """Return the range that covers all neurons if each bin adds between ``low`` and ``high``."""
-    found = [of(int(a), int(b)) for a, b in zip(low, high, strict=True)]
+def _widest(of: Any, *neurons: Whole) -> tuple[int, int] | None:
+    """Return the range that covers all neurons: the least and most that a bin adds, thresholds and leak shifts."""
+    found = [of(*map(int, neuron)) for neuron in zip(*neurons, strict=True)]
     if None in found:
         return None
     return min(low for low, _ in found), max(high for _, high in found)

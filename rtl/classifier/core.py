@@ -6,12 +6,13 @@ from typing import Any
 from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value, signed
 from amaranth.lib.wiring import In, Out
 
-from eskin.model.classifier.config import ClassifierConfig, Leak, highest
+from eskin.model.classifier.config import OWN_SHIFT_BITS, ClassifierConfig, Leak, highest
 from eskin.rtl.block import Block
 from eskin.rtl.classifier.lane import Lane
 from eskin.rtl.classifier.memory import (
     InputMemory,
     NeuronMemory,
+    ParameterMemory,
     PotentialMemory,
     RecurrentMemory,
     WordMemory,
@@ -107,6 +108,9 @@ class Classifier(Block[ClassifierConfig]):
         self.class_found, self.class_ready = Signal(config.class_bits), Signal()
         self.ring = Signal(config.classes * config.output_bits)
         self.evidence_ring = Signal(config.classes * config.evidence_bits)
+        if config.own_parameters:
+            self.held_threshold = Signal(config.threshold_bits)
+            self.held_leak = Signal(OWN_SHIFT_BITS)
         if config.synapse_shift:
             self.held_rest = Signal(signed(config.membrane_bits))
         if config.out_synapse_shift:
@@ -130,6 +134,7 @@ class Classifier(Block[ClassifierConfig]):
             self._weights(self.load_data, config.rec_bits),
         )
         self._load(m, neurons, self.load_neurons, self.load_address, self.load_data)
+        own = self._parameters(m, platform) if config.own_parameters else None
         word = Mux(self.state == State.NEURONS, config.classes, self.step)
         word = Mux(self.state == State.OUTPUTS, config.classes + 1, word)
         row = Cat(self.step[: config.row_bits], self.index)
@@ -148,9 +153,34 @@ class Classifier(Block[ClassifierConfig]):
         self._awake(m)
         self._control(m)
         potential = self._lanes(m, inputs.read_data, recurrent.read_data, platform)
-        self._hidden(m, potential, neurons.read_data, platform)
+        self._hidden(m, potential, neurons.read_data, own, platform)
         self._outputs(m, neurons.read_data)
         return m
+
+    def _parameters(self, m: Module, platform: Any) -> Value:
+        """Place the memory of thresholds and leaks, and return the leak that arrives.
+
+        The host writes a word together with the bias: the upper bits of the words behind the output weights. The word
+        of an output is read one clock before its turn, so that its parameters come from a register.
+        """
+        config = self.config
+        parameters = ParameterMemory(config)
+        parameters.place(m, "parameters", platform)
+        word, neuron = self.load_address[: config.neuron_row_bits], self.load_address[config.neuron_row_bits :]
+        of_output = word == config.classes + 1
+        chosen = self.load_neurons & ((word == config.classes) | of_output)
+        self._load(m, parameters, chosen, Cat(of_output, neuron), self.load_data[config.neuron_weight_bits :])
+        compares, gives = self.state == State.NEURONS, self.state == State.OUTPUTS
+        following = Mux(gives, self.index + 1, 0)[: config.class_bits]
+        row = Mux(compares, Cat(0, self.index), Cat(1, following))
+        m.d.comb += [
+            parameters.read_address.eq(row[: len(parameters.read_address)]),
+            parameters.read_valid.eq(compares | gives | (self.state == State.GAP)),
+        ]
+        bits, read = config.threshold_bits, parameters.read_data
+        with m.If(self.now_neuron | gives):
+            m.d.sync += [self.held_threshold.eq(read[:bits]), self.held_leak.eq(read[bits:])]
+        return read[bits:]
 
     def _awake(self, m: Module) -> None:
         """Add the signal ``awake``, which is low in clocks without a register change, so that the clock may stop.
@@ -322,7 +352,8 @@ class Classifier(Block[ClassifierConfig]):
                 ]
         return lanes[0].potential
 
-    def _hidden(self, m: Module, potential: Value, word: Value, platform: Any) -> None:
+    def _hidden(self, m: Module, potential: Value, word: Value, own: Value | None, platform: Any) -> None:
+        """Compare a neuron; ``own`` is the leak that arrives with ``potential``, if the neurons have their own."""
         config = self.config
         m.d.sync += self.held_neuron.eq(self.now_neuron & ~self.scan_start)
         with m.If(self.now_neuron):
@@ -335,12 +366,15 @@ class Classifier(Block[ClassifierConfig]):
         with m.If(self.now_clears):
             m.d.sync += self.held_potential.eq(0)
         v, bias = self.held_potential, self.held_bias << config.bias_shift
-        leaks = Leak(config.leak_shift, config.leak_factor)
+        threshold: int | Value = config.threshold
+        leaks: Leak | Value = Leak(config.leak_shift, config.leak_factor)
+        if own is not None:
+            threshold, leaks = self.held_threshold[: config.threshold.bit_length()], self.held_leak
         if config.synapse_shift:
             v, leaks = add(m, self.held_rest, v, config.membrane_bits, config.saturates), Leak(0)
-        held, spike, rest = fire(m, v, config.threshold, config.floor, config.neuron_reset, leaks)
+        held, spike, rest = fire(m, v, threshold, config.floor, config.neuron_reset, leaks)
         if config.synapse_shift:
-            self._potentials(m, rest, platform)
+            self._potentials(m, rest, Leak(config.leak_shift, config.leak_factor) if own is None else own, platform)
             rest = leak(m, self.held_potential, Leak(config.synapse_shift, config.synapse_factor))
         m.d.comb += [
             self.next_potential.eq(add(m, rest, bias, config.membrane_bits, config.saturates)),
@@ -350,7 +384,7 @@ class Classifier(Block[ClassifierConfig]):
             self.hidden_spike.eq(spike),
         ]
 
-    def _potentials(self, m: Module, rest: Value, platform: Any) -> None:
+    def _potentials(self, m: Module, rest: Value, leaks: Leak | Value, platform: Any) -> None:
         """Write back a potential after reset; read and leak the potential two neurons ahead."""
         config = self.config
         potentials = PotentialMemory(config)
@@ -362,7 +396,7 @@ class Classifier(Block[ClassifierConfig]):
             potentials.write_address.eq(self.held_index),
             potentials.write_data.eq(rest),
         ]
-        kept = leak(m, potentials.read_data, Leak(config.leak_shift, config.leak_factor))
+        kept = leak(m, potentials.read_data, leaks)
         with m.If(self.now_neuron):
             m.d.sync += self.held_rest.eq(kept)
         with m.If(self.now_clears):
@@ -372,11 +406,15 @@ class Classifier(Block[ClassifierConfig]):
         config = self.config
         bits = config.output_bits
         own = self.ring[:bits].as_signed()
-        leaks, v = Leak(config.out_leak_shift, config.out_leak_factor), own
+        v: Value = own
+        threshold: int | Value = config.out_threshold
+        leaks: Leak | Value = Leak(config.out_leak_shift, config.out_leak_factor)
+        if config.own_parameters:
+            threshold, leaks = self.held_threshold[: config.out_threshold.bit_length()], self.held_leak
         if config.out_synapse_shift:
             v = add(m, self.rest_ring[:bits].as_signed(), own, bits, config.output_saturates)
         if config.readout == "spikes":
-            held, spike, rest = fire(m, v, config.out_threshold, config.out_floor, config.neuron_reset, leaks)
+            held, spike, rest = fire(m, v, threshold, config.out_floor, config.neuron_reset, leaks)
             m.d.comb += self.output_spike.eq(spike)
             full = self.evidence_ring[: config.evidence_bits] == highest(config.evidence_bits)
             gained: Value = Cat(spike & ~full, 0).as_signed()

@@ -84,7 +84,19 @@ class NeuronMemory(WordMemory):
     module_name = "eskin_neuron_weights"
 
     def __init__(self, config: ClassifierConfig) -> None:
-        super().__init__(config, config.neuron_words, config.neuron_bits)
+        super().__init__(config, config.neuron_words, config.neuron_weight_bits)
+
+
+class ParameterMemory(WordMemory):
+    """Memory of thresholds and leak shifts, with a word for each hidden neuron, and one for the output of its number.
+
+    The leak shift stands above the threshold.
+    """
+
+    module_name = "eskin_neuron_parameters"
+
+    def __init__(self, config: ClassifierConfig) -> None:
+        super().__init__(config, config.parameter_words, config.parameter_bits)
 
 
 class PotentialMemory(WordMemory):

@@ -22,27 +22,36 @@ def add(m: Module, left: Value, right: Value, bits: int, saturates: bool) -> Val
 
 
 def fire(
-    m: Module, v: Value, threshold: int, floor: int | None, reset: NeuronReset, leaks: Leak
+    m: Module, v: Value, threshold: int | Value, floor: int | None, reset: NeuronReset, leaks: Leak | Value
 ) -> tuple[Value, Value, Value]:
     """Return the clipped potential, its spike, and its value after reset and leak.
+
+    Threshold and leak are constants, or a positive number and a shift of the neuron.
 
     The floor is below the threshold, so both comparisons use ``v``. After a reset to zero the potential is between
     floor and threshold and may need fewer bits than ``v``. A potential of 0 does not fire and stays 0.
     """
     held = Signal(signed(len(v)), name="held")
     spike = Signal(name="spike")
-    low, high = lowest(len(v)) if floor is None else floor, threshold if reset == "zero" else highest(len(v))
+    low, high = lowest(len(v)) if floor is None else floor, highest(len(v))
+    if reset == "zero" and isinstance(threshold, int):
+        high = threshold
     rest = Signal(signed(int(bits_of((low, high)))), name="rest")
     m.d.comb += [
         held.eq(v if floor is None else Mux(v < floor, floor, v)),
-        spike.eq(v >= threshold + 1),  # > would need an inverter for each bit of v
+        # > would need an inverter for each bit of v
+        spike.eq(v >= threshold + 1 if isinstance(threshold, int) else v > threshold),
         rest.eq(Mux(spike, held - threshold if reset == "subtract" else 0, held)),
     ]
     return held, spike, leak(m, rest, leaks)
 
 
-def leak(m: Module, v: Value, leaks: Leak) -> Value:
+def leak(m: Module, v: Value, leaks: Leak | Value) -> Value:
     """Return v after a leak, with the bit width of v; a shift of 0 means no leak."""
+    if isinstance(leaks, Value):
+        shifted = Signal(signed(len(v)), name="leak_shifted")
+        m.d.comb += shifted.eq(Mux(leaks.any(), v >> leaks, 0))
+        return (v - shifted)[: len(v)].as_signed()
     if not leaks.shift:
         return v
     lost = v

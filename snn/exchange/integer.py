@@ -1,14 +1,14 @@
 """Convert a trained network to integers for the hardware classifier (docs/reference/classifier.md)."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.model.classifier.config import ClassifierConfig, Leak, bits_of
+from eskin.model.classifier.config import MAX_OWN_SHIFT, ClassifierConfig, Leak, bits_of
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.classifier.network import IntegerNetwork
 from eskin.snn.exchange.weights import Weights, config_of
@@ -28,6 +28,9 @@ DECAYS = {
 SYNAPTIC_DECAY_BITS = 8
 """Bits of the decays of networks with synaptic currents; these decays are seldom shifts."""
 
+
+SAME_DECAY = 1e-6
+"""Largest difference of decays that count as one."""
 
 CLOCKS_HZ = (1e3, 1e10)
 """Clocks that hardware may have."""
@@ -94,11 +97,18 @@ def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
     decays = [values.detach().cpu().double().numpy() for values in network.decays()]
     synapses = [np.array([value]) for value in (config.synapse_decay, config.output_synapse_decay)]
     decay_bits = SYNAPTIC_DECAY_BITS if precision.decay_bits is None and any(synapses) else precision.decay_bits
-    leaks: dict[str, int] = {}
+    own = any(np.ptp(values) > SAME_DECAY for values in decays)
+    if own and precision.decay_bits is not None:
+        raise InputError("decays of each neuron become shifts; leave --decay-bits out")
+    leaks: dict[str, Any] = {"own_parameters": own}
+    shifts: dict[str, NDArray[np.int64]] = {}
     for (name, place), values in zip(DECAYS.items(), [*decays, *synapses], strict=True):
         if "synapse" in name and not values[0]:
             continue
-        leak, notes[name] = _leak(values, name, decay_bits)
+        if own and "synapse" not in name:
+            shifts[place], notes[name] = _own_leaks(values)
+            continue
+        leak, notes[name] = _leak(float(values.mean()), decay_bits)
         leaks |= {f"{place}_shift": leak.shift, f"{place}_factor": leak.factor}
 
     w_in, w_rec, w_out = arrays["w_in"].T * config.input_scale, arrays["w_rec"].T, arrays["w_out"].T
@@ -135,7 +145,8 @@ def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
         "output_bits": 32,
     }
     whole = {name: grid.whole(matrix) for name, (grid, matrix) in grids.items()}
-    made = IntegerNetwork(ClassifierConfig.from_dict(fields), **whole, b_hidden=hidden.bias, b_out=outputs.bias).sized()
+    biases = {"b_hidden": hidden.bias, "b_out": outputs.bias}
+    made = IntegerNetwork(ClassifierConfig.from_dict(fields), **whole, **biases, **shifts).sized()
     return IntegerWeights(_with_widths(made, precision), weights.class_names, notes)
 
 
@@ -151,7 +162,7 @@ def _with_widths(made: IntegerNetwork, precision: Precision) -> IntegerNetwork:
         changes["membrane_bits"] = config.narrow_bits
     per_bin = int(min(bits_of(made.output_ends), 22)) if made.config.readout == "membrane" else 1
     config = config.replace(**changes, evidence_bits=per_bin + 10)
-    return IntegerNetwork(config, made.w_in, made.w_rec, made.w_out, made.b_hidden, made.b_out)
+    return replace(made, config=config)
 
 
 def _check(network: SpikingNetwork, arrays: dict[str, NDArray[np.float64]]) -> None:
@@ -163,21 +174,36 @@ def _check(network: SpikingNetwork, arrays: dict[str, NDArray[np.float64]]) -> N
         raise InputError(f"the hardware needs a floor of at most 0, but the network has {floor:g}")
 
 
-def _leak(decays: NDArray[np.float64], name: str, bits: int | None) -> tuple[Leak, dict[str, float]]:
+def _leak(decay: float, bits: int | None) -> tuple[Leak, dict[str, float]]:
     """Return the hardware leak closest to the common decay of all neurons, with both decays."""
-    if decays.max() - decays.min() > 1e-6:
-        raise InputError(
-            f"the hardware has one {name} for all neurons, but the network learned {decays.min():.3g} to "
-            f"{decays.max():.3g}; train it with --recipe hardware"
-        )
-    decay = float(decays.mean())
     if bits is None:
-        leak = Leak(min(range(LARGEST_SHIFT + 1), key=lambda k: abs((1 - 2.0**-k if k else 1.0) - decay)))
+        leak = Leak(int(_shifts(np.array([decay]), LARGEST_SHIFT)[0]))
     else:
         lost = max(round((1 - decay) * 2**bits), int(decay < 1))
         common = min((lost & -lost).bit_length() - 1, bits - 1) if lost else bits
         leak = Leak(bits - common, max(lost >> common, 1))
     return leak, {"trained": decay, "hardware": 1 - leak.factor * 2.0**-leak.shift if leak.shift else 1.0}
+
+
+def _own_leaks(decays: NDArray[np.float64]) -> tuple[NDArray[np.int64], dict[str, Any]]:
+    """Return the leak shift of each neuron, with the ends of both decays and the mean error."""
+    shifts = _shifts(decays, MAX_OWN_SHIFT)
+    hardware = _decays(shifts)
+    ends = {
+        name: [float(values.min()), float(values.max())]
+        for name, values in (("trained", decays), ("hardware", hardware))
+    }
+    return shifts, ends | {"error": float(np.abs(hardware - decays).mean())}
+
+
+def _shifts(decays: NDArray[np.float64], most: int) -> NDArray[np.int64]:
+    """Return the leak shifts, 0 to ``most``, with the nearest decays."""
+    return np.abs(_decays(np.arange(most + 1)) - decays[:, None]).argmin(1)
+
+
+def _decays(shifts: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the decays of leak shifts; a shift of 0 means no leak."""
+    return np.where(shifts, 1 - 2.0**-shifts, 1.0)
 
 
 def _units(grids: list[Grid], bias: NDArray[np.float64], precision: Precision) -> _Units:
@@ -217,6 +243,12 @@ def summary(made: IntegerWeights) -> list[str]:
             f"{name}: {bits} bits, a 1 is {notes[name]['step']:.4g}, rounding changes {notes[name]['error']:.1%}"
         )
     for name, place in DECAYS.items():
+        if "error" in notes.get(name, {}):
+            (low, high), error = notes[name]["trained"], notes[name]["error"]
+            lines.append(
+                f"{name} of {low:.3g} to {high:.3g} becomes a shift for each neuron, {error:.3g} off on average"
+            )
+            continue
         trained, hardware = (notes[name][kind] if name in notes else 0.0 for kind in ("trained", "hardware"))
         if abs(trained - hardware) > 1e-6:
             means = "with a shift" if getattr(config, f"{place}_factor") == 1 else "in the decay's bits"

@@ -74,6 +74,7 @@ def test_a_library_that_does_not_do_is_one_sentence(tmp_path: Path) -> None:
 
 def test_a_classifier_is_counted_without_its_memories(call: Any, refuses: Any, folder: Path) -> None:
     config = ClassifierConfig(inputs=4, hidden=8, classes=2, lanes=2, clocks_per_bin=100, membrane_bits=12)
+    config = config.replace(own_parameters=True)
     shapes = ((4, 8), (8, 8), (8, 2), (8,), (2,))
     network = IntegerNetwork(config, *(np.zeros(shape, int) for shape in shapes))
     IntegerWeights(network, ("a", "b")).save(folder / "integer.npz")

@@ -256,7 +256,7 @@ def test_the_energy_of_a_classifier_is_that_of_the_network_which_it_computes(
 ) -> None:
     chip = ChipConfig(
         readout=ReadoutConfig(rows=1, columns=2, resolution=6),
-        classifier=ClassifierConfig(inputs=4, hidden=4, classes=2, lanes=2, bin_s=0.0004),
+        classifier=ClassifierConfig(inputs=4, hidden=4, classes=2, lanes=2, bin_s=0.0004, own_parameters=True),
     )
     network = network_of(chip)
     text = classifier.cells_of(Classifier(chip.classifier), classifier.outside(chip.classifier), library)

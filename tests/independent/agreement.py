@@ -152,18 +152,22 @@ def network_of(first: IntegerNetwork) -> Network:
     subtract = config.neuron_reset == "subtract"
     hidden = [
         Neuron(
-            config.membrane_bits, int(bias) << config.bias_shift, config.threshold, config.floor,
-            (config.leak_shift, config.leak_factor), (config.synapse_shift, config.synapse_factor), subtract,
+            config.membrane_bits, bias << config.bias_shift, threshold, config.floor,
+            (shift, config.leak_factor), (config.synapse_shift, config.synapse_factor), subtract,
         )
-        for bias in first.b_hidden
+        for bias, threshold, shift in zip(
+            first.b_hidden.tolist(), first.threshold.tolist(), first.leak.tolist(), strict=True
+        )
     ]  # fmt: skip
     outputs = [
         Neuron(
-            config.output_bits, int(bias) << config.out_bias_shift, config.out_threshold,
-            config.out_floor if fires else None, (config.out_leak_shift, config.out_leak_factor),
+            config.output_bits, bias << config.out_bias_shift, threshold,
+            config.out_floor if fires else None, (shift, config.out_leak_factor),
             (config.out_synapse_shift, config.out_synapse_factor), subtract, fires,
         )
-        for bias in first.b_out
+        for bias, threshold, shift in zip(
+            first.b_out.tolist(), first.out_threshold.tolist(), first.out_leak.tolist(), strict=True
+        )
     ]  # fmt: skip
     w_in, w_rec, w_out = (
         (weights << shift).tolist()

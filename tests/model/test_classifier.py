@@ -1,5 +1,6 @@
 """Test the integer network: widths, order of additions, clocks and file."""
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,8 @@ import pytest
 
 from eskin.base.errors import InputError
 from eskin.model.classifier.config import ClassifierConfig, Leak, bits_of, ends, highest, lowest
-from eskin.model.classifier.file import ARRAYS, IntegerWeights, neuron_image, weight_image, write_images
+from eskin.model.classifier.file import ARRAYS, PARAMETERS, IntegerWeights, neuron_image, weight_image, write_images
+from eskin.model.classifier.file import network_of as network_from_images
 from eskin.model.classifier.network import IntegerNetwork, State
 from eskin.model.classifier.run import first_ready, simulate, work_clocks
 
@@ -30,6 +32,7 @@ VARIANTS: list[dict[str, Any]] = [
     {"readout": "membrane", "out_leak_shift": 3, "leak_shift": 1},
     {"in_shift": 2, "rec_shift": 4, "bias_shift": 1, "out_shift": 3},
     {"synapse_shift": 3, "synapse_factor": 3, "leak_shift": 4, "leak_factor": 5, "out_synapse_shift": 1, "floor": None},
+    {"own_parameters": True},
 ]
 
 
@@ -73,8 +76,35 @@ def test_ends_are_those_of_the_worst_bin_of_every_neuron(fields: dict[str, Any])
         bias = int(own.b_hidden[neuron]) << config.bias_shift
         low = config.events_per_bin * min(0, *inputs) + sum(min(0, spike) for spike in spikes) + min(0, bias)
         high = config.events_per_bin * max(0, *inputs) + sum(max(0, spike) for spike in spikes) + max(0, bias)
-        found.append(config.hidden_ends(low, high))
+        found.append(config.hidden_ends(low, high, int(own.threshold[neuron]), int(own.leak[neuron])))
     assert own.hidden_ends == (min(low for low, _ in found), max(high for _, high in found))
+
+
+def test_equal_own_parameters_change_nothing_but_the_upper_bits_of_two_words() -> None:
+    fields = {"leak_shift": 2, "out_leak_shift": 3}
+    plain = network(3, **fields)
+    arrays = {name: getattr(plain, name) for name in ARRAYS}
+    own = IntegerNetwork(plain.config.replace(own_parameters=True), **arrays)
+    counts = np.random.default_rng(2).poisson(1.0, (5, 12, own.config.inputs))
+    assert own.run_counts(counts)[1] == plain.run_counts(counts)[1] > 0
+    assert np.array_equal(own.run_counts(counts)[0], plain.run_counts(counts)[0])
+    assert weight_image(own) == weight_image(plain)
+    bits, words = plain.config.neuron_bits, neuron_image(own)
+    assert [word & (1 << bits) - 1 for word in words] == neuron_image(plain)
+    above = {number: word >> bits for number, word in enumerate(words) if word >> bits}
+    row = 1 << own.config.neuron_row_bits
+    assert above == {n * row + 3: 200 | 2 << 8 for n in range(20)} | {n * row + 4: 150 | 3 << 8 for n in range(3)}
+
+
+def test_a_threshold_and_a_leak_belong_to_one_neuron() -> None:
+    made = network(1, own_parameters=True, evidence_bits=20)
+    again = network_from_images(made.config, weight_image(made), neuron_image(made))
+    for name in (*ARRAYS, *PARAMETERS):
+        assert np.array_equal(getattr(again, name), getattr(made, name)), name
+    with pytest.raises(InputError, match=r"^threshold must be in 1\.\.255, not 256$"):
+        dataclasses.replace(made, threshold=made.threshold * 0 + 256)
+    with pytest.raises(InputError, match=r"^out_leak must be in 0\.\.0 without own parameters, not 1$"):
+        dataclasses.replace(network(), out_leak=np.array([0, 1, 0]))
 
 
 def test_arrays_that_do_not_fit_are_refused() -> None:
@@ -192,6 +222,7 @@ def test_images_hold_every_weight_at_its_address(tmp_path: Path) -> None:
         ({"readout": "rate"}, "readout must be one of spikes, membrane, not 'rate'"),
         ({"hidden": 2.5}, "hidden must be of type int, not 2.5"),
         ({"out_shift": 17}, "out_shift must be in 0..16, not 17"),
+        ({"own_parameters": True, "leak_shift": 8}, r"leak must be a shift of at most 7, not 1 / 2\*\*8"),
         ({"bin_s": 0}, "bin_s must be a positive number of seconds, not 0"),
         ({"shade": 2, "colour": 1}, "unknown classifier field 'colour'"),
     ],

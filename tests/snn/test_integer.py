@@ -14,7 +14,7 @@ from eskin.base import progress
 from eskin.base.errors import InputError
 from eskin.model.classifier.file import IntegerWeights, weight_image
 from eskin.model.classifier.network import State
-from eskin.snn.exchange.integer import Precision, quantise
+from eskin.snn.exchange.integer import Precision, quantise, summary
 from eskin.snn.exchange.nir_network import load_nir, to_nir
 from eskin.snn.exchange.weights import Weights, save_weights
 from eskin.snn.experiments.agreement import agreement, random_events
@@ -135,10 +135,6 @@ def test_published_networks_are_bit_exact_in_the_rtl(folder: Path, eskin: Any, m
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        (
-            {"decay": 0.9, "output_decay": 0.9, "learn_decay": True},
-            "one decay for all neurons, but the network learned",
-        ),
         ({"floor": 0.5}, "needs a floor of at most 0, but the network has 0.5"),
         ({"kind": "gru"}, "the hardware needs a spiking network, not kind gru"),
     ],
@@ -146,6 +142,24 @@ def test_published_networks_are_bit_exact_in_the_rtl(folder: Path, eskin: Any, m
 def test_networks_without_hardware_are_not_quantised(fields: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         quantise(weights_of(network(**fields)), Precision())
+
+
+def test_learned_decays_become_the_nearest_shift_of_each_neuron(tmp_path: Path) -> None:
+    made = network(decay=0.9, output_decay=0.9, learn_decay=True)
+    decays = torch.tensor([0.5, 0.74, 0.99, 0.9999] * 6), torch.tensor([0.876, 0.3, 0.97])
+    with torch.no_grad():
+        for parameter, values in zip((made.raw_decay, made.raw_output_decay), decays, strict=True):
+            parameter.copy_(torch.logit(values))
+    whole = quantise(weights_of(made), Precision())
+    assert whole.network.leak.tolist() == [1, 2, 7, 0] * 6
+    assert whole.network.out_leak.tolist() == [3, 1, 5]
+    assert set(whole.network.threshold.tolist()) == {whole.network.config.threshold}
+    assert "decay of 0.5 to 1 becomes a shift for each neuron, 0.00307 off on average" in summary(whole)
+    whole.save(tmp_path / "integer.npz")
+    loaded = IntegerWeights.load(tmp_path / "integer.npz").network
+    assert (loaded.config, loaded.leak.tolist()) == (whole.network.config, whole.network.leak.tolist())
+    with pytest.raises(InputError, match="decays of each neuron become shifts; leave --decay-bits out"):
+        quantise(weights_of(made), Precision(decay_bits=4))
 
 
 def test_a_network_that_has_diverged_and_an_absurd_clock_are_refused() -> None:
@@ -190,8 +204,12 @@ def test_the_command_writes_the_network_and_its_images(folder: Path, eskin: Any)
     assert (folder / "integer.neurons.hex").exists()
 
 
-def test_float_and_integer_networks_read_the_same_scans() -> None:
-    weights = Weights(build(small_network(decay=0.75, output_decay=0.875), seed=1).eval(), ("a", "b", "c"), 0.004)
+@pytest.mark.parametrize("own", [False, True])
+def test_float_and_integer_networks_read_the_same_scans(own: bool) -> None:
+    made = build(small_network(decay=0.75, output_decay=0.875, learn_decay=own), seed=1).eval()
+    if own:
+        made.raw_decay.data[::2] = math.log(15)  # a decay of 15 / 16
+    weights = Weights(made, ("a", "b", "c"), 0.004)
     found = agreement(weights, random_events(scans=9, bins=40, inputs=8, most=1.0, seed=2), [8])
     assert (found["scans"], sum(found["classes"])) == (9, 9)
     assert found["points"][0]["same"] >= 8

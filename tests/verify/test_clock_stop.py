@@ -7,7 +7,7 @@ import pytest
 
 from eskin.cocotb_tests.runner.simulator import may_skip
 from eskin.cocotb_tests.test_chip import CHIPS
-from eskin.cocotb_tests.test_classifier import CONFIGS, SYNAPTIC
+from eskin.cocotb_tests.test_classifier import CONFIGS, OWN, SYNAPTIC
 from eskin.model.cases import axes, cases
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.config import ReadoutConfig
@@ -30,7 +30,7 @@ SKIPPED: list[Any] = [
     *CHIPS,
 ]
 """A configuration of every kind for which the co-simulation skips idle clocks: all that ``awake`` depends on."""
-NETWORKS = [CONFIGS[1], CONFIGS[4], CONFIGS[6], *SYNAPTIC]
+NETWORKS = [CONFIGS[1], CONFIGS[4], CONFIGS[6], *SYNAPTIC, OWN[1]]
 """Classifiers with outputs of both kinds, with and without groups, saturation and synaptic currents."""
 BLOCKS = [
     Arbiter(FEW),

@@ -23,7 +23,7 @@ BINS = (7, 3, 3)
 """Time bins of the three scans: flops are flipped in the first scan, and weights are loaded again before the last."""
 UPSET_BINS = 3
 """Bins in which flops are flipped."""
-MEMORY = re.compile(r"(inputs|recurrent|neurons)\.memory")
+MEMORY = re.compile(r"(inputs|recurrent|neurons|parameters)\.memory")
 """Names of flops that store the weights from the host."""
 WATCHED = ("event_ready", "class_valid", "class_index", "evidence", "overrun", "stall_count")
 """Outputs that are valid in every clock; other outputs are valid while ``hidden_valid`` or ``output_valid`` is high."""

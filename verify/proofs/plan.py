@@ -74,6 +74,7 @@ class Proof:
                 return f"{c.rows} rows, {c.leak_period} ticks{' at most' * (c.registers != 'none')}"
             case "classifier":
                 ends = ", saturates" * c.saturates + ", currents" * bool(c.synapse_shift)
+                ends += ", own parameters" * c.own_parameters
                 return f"{c.inputs}-{c.hidden}-{c.classes}, {c.lanes} lanes, {c.readout}{ends}"
             case "fields":
                 return f"{array} {c.receptive_fields if isinstance(c.receptive_fields, str) else 'lists'}"
@@ -239,6 +240,7 @@ def classifiers() -> list[Proof]:
     other = more.replace(**leaky, lanes=1, clocks_per_bin=4, in_shift=1, membrane_bits=8, output_bits=6)
     leaks = {"leak_shift": 2, "leak_factor": 3, "synapse_shift": 1, "out_leak_shift": 1, "out_synapse_shift": 1}
     synaptic = few.replace(**leaks)
+    own = few.replace(own_parameters=True, classes=2, out_threshold=2, membrane_bits=6)
     coarse = {"in_bits": 4, "in_shift": 1, "out_bits": 4, "out_shift": 1}  # a weight has more bits than a potential
     return [
         Proof(ScheduleChecker, few, 32, True, True),  # an event may wait 25 clocks
@@ -248,6 +250,8 @@ def classifiers() -> list[Proof]:
         Proof(SumsChecker, few.replace(clocks_per_bin=8, membrane_bits=4), 16),
         Proof(SumsChecker, synaptic, 20),
         Proof(SumsChecker, synaptic.replace(**coarse, clocks_per_bin=8, membrane_bits=4, readout="membrane"), 16),
+        Proof(SumsChecker, own, 20),
+        Proof(SumsChecker, own.replace(neuron_reset="subtract", hidden=2, classes=1), 20),
         Proof(SumsChecker, few.replace(hidden=2, lanes=2), 18),
         Proof(SumsChecker, few.replace(hidden=3, lanes=2), 26),
     ]

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal, Value, signed
 from amaranth.lib.wiring import In
 
-from eskin.model.classifier.config import ClassifierConfig, Leak, highest, lowest
+from eskin.model.classifier.config import OWN_SHIFT_BITS, ClassifierConfig, Leak, highest, lowest
 from eskin.rtl.classifier.core import STALL_BITS, Classifier, State
 from eskin.rtl.classifier.memory import address_bits
 from eskin.verify.proofs.checker import Checker, Promises, before, implies
@@ -18,7 +18,13 @@ from eskin.verify.proofs.checker import Checker, Promises, before, implies
 SPARE_BITS = 3
 """Additional bits of the sums in a checker, so that the checker sees an overflow of the classifier."""
 
-MEMORIES = ("eskin_input_weights", "eskin_recurrent_weights", "eskin_neuron_weights", "eskin_potentials")
+MEMORIES = (
+    "eskin_input_weights",
+    "eskin_recurrent_weights",
+    "eskin_neuron_weights",
+    "eskin_neuron_parameters",
+    "eskin_potentials",
+)
 
 
 class _ClassifierChecker(Checker[ClassifierConfig]):
@@ -201,6 +207,10 @@ class SumsChecker(_ClassifierChecker):
             found |= dict.fromkeys(("potentials_read_address", "potentials_write_address"), In(address))
         if config.out_synapse_shift:
             found["rest_ring"] = In(config.classes * config.output_bits)
+        if config.own_parameters:
+            found |= {"held_threshold": In(config.threshold_bits), "held_leak": In(OWN_SHIFT_BITS)}
+            found |= {"parameters_read_data": In(config.parameter_bits), "parameters_read_valid": In(1)}
+            found["parameters_read_address"] = In(address_bits(config.parameter_words))
         return found
 
     def check(self, m: Module) -> Promises:
@@ -232,14 +242,13 @@ class SumsChecker(_ClassifierChecker):
         least, most = config.hidden_range or (0, 0)
         good: Value = Const(1)
         fires: Value = Const(0)
-        leak, synapse = Leak(config.leak_shift, config.leak_factor), Leak(config.synapse_shift, config.synapse_factor)
-        rested = before(m, _leaked(self.potentials_read_data, leak), "rested") if synapse.shift else None
+        synapse = Leak(config.synapse_shift, config.synapse_factor)
+        threshold, leak, arriving = self._parameters(config.threshold, Leak(config.leak_shift, config.leak_factor))
+        rested = before(m, _leaked(self.potentials_read_data, arriving), "rested") if synapse.shift else None
         for number, (adds, sets, rows, events) in enumerate(added):
             total = Signal(signed(bits), name=f"potential_{number}")  # or the synaptic current, if there is one
             v, enough = (total, Const(1)) if rested is None else _limited(rested + total, bits, config.saturates)
-            held, spike, rest = self._fired(
-                m, v, config.threshold, config.floor, config.neuron_reset, f"neuron_{number}"
-            )
+            held, spike, rest = self._fired(m, v, threshold, config.floor, config.neuron_reset, f"neuron_{number}")
             left = _leaked(total, synapse) if synapse.shift else _leaked(rest, leak)
             of_event, of_spike = (
                 word.word_select(number % config.lanes, bits_of_one).as_signed()
@@ -273,7 +282,25 @@ class SumsChecker(_ClassifierChecker):
                 good &= implies(begun, (total + low >= least) & (total + high <= most))
         if synapse.shift:
             good &= self._currents(m)
+        if config.own_parameters:
+            good &= self._placed(m)
         yield "neuron_exact", implies(self.fits, good), fires
+
+    def _parameters(self, threshold: int, leak: Leak) -> tuple[Any, Any, Any]:
+        """Return the threshold and leak that are compared, and the leak that arrives from the memory."""
+        if not self.config.own_parameters:
+            return threshold, leak, leak
+        bits = self.config.threshold_bits
+        return self.held_threshold[: threshold.bit_length()], self.held_leak, self.parameters_read_data[bits:]
+
+    def _placed(self, m: Module) -> Value:
+        """Return whether a hidden neuron and an output are compared with the word of their own."""
+        read = Signal.like(self.parameters_read_address, name="parameters_read")
+        with m.If(self.parameters_read_valid):
+            m.d.sync += read.eq(self.parameters_read_address)
+        held = Cat(self.held_threshold, self.held_leak) == before(m, self.parameters_read_data, "parameters")
+        address = Mux(self.output, Cat(1, self.output_index), Cat(0, self.hidden_index))
+        return implies(self.sets | self.output, held & (before(m, read, "parameters_address") == address))
 
     def _currents(self, m: Module) -> Value:
         """Return whether each neuron uses its own memory word, and whether no current grows without a bias."""
@@ -288,14 +315,15 @@ class SumsChecker(_ClassifierChecker):
         """Track the output potentials; return the evidence of each class."""
         config = self.config
         bits, fires = config.output_bits, config.readout == "spikes"
-        threshold, floor = (config.out_threshold, config.out_floor) if fires else (None, None)
+        leak = Leak(config.out_leak_shift, config.out_leak_factor)
+        threshold, leak, _ = self._parameters(config.out_threshold, leak)
+        threshold, floor = (threshold, config.out_floor) if fires else (None, None)
         least, most = config.output_range or (0, 0)
         bias = self.neurons_read_data[: config.bias_bits].as_signed() << config.out_bias_shift
         weight = self.neurons_read_data[: config.out_bits].as_signed() << config.out_shift
         good: Value = Const(1)
         good_evidence: Value = Const(1)
         moved: Value = Const(0)
-        leak = Leak(config.out_leak_shift, config.out_leak_factor)
         synapse = Leak(config.out_synapse_shift, config.out_synapse_factor)
         found = []
         passed = Signal.like(self.turn)  # the class whose evidence is added next
@@ -374,19 +402,22 @@ class SumsChecker(_ClassifierChecker):
         yield "first_of_most", implies(self.fits, good), changes
 
     def _fired(
-        self, m: Module, v: Value, threshold: int | None, floor: int | None, reset: str, name: str
+        self, m: Module, v: Value, threshold: Any, floor: int | None, reset: str, name: str
     ) -> tuple[Value, Value, Signal]:
         """Return the clipped potential, its spike, and the potential after the reset."""
         held = Signal(v.shape(), name=f"{name}_held")
         rest = Signal(v.shape(), name=f"{name}_rest")
         m.d.comb += held.eq(v if floor is None else Mux(v < floor, floor, v))
         spike: Value = held > threshold if threshold is not None else Const(0)
-        m.d.comb += rest.eq(Mux(spike, held - (threshold or 0) if reset == "subtract" else 0, held))
+        less = 0 if threshold is None else threshold
+        m.d.comb += rest.eq(Mux(spike, held - less if reset == "subtract" else 0, held))
         return held, spike, rest
 
 
-def _leaked(value: Value, leak: Leak) -> Value:
-    """Return a potential or a current after its leak."""
+def _leaked(value: Value, leak: Any) -> Value:
+    """Return a potential or a current after its leak: a ``Leak``, or a shift in hardware."""
+    if isinstance(leak, Value):
+        return value - Mux(leak == 0, 0, value >> leak)
     return value - (value * leak.factor >> leak.shift) if leak.shift else value
 
 
