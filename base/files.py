@@ -13,7 +13,7 @@ import shutil
 import subprocess
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -111,66 +111,9 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
         file.write((json.dumps(plain(content), indent=1, allow_nan=False) + "\n").encode())
 
 
-def keep_line(path: Path, content: Any) -> None:
-    """Append a JSON line to a file."""
-    with path.open("ab+") as file:
-        if file.seek(0, os.SEEK_END):
-            file.seek(-1, os.SEEK_END)
-            if file.read(1) != b"\n":
-                file.write(b"\n")
-        file.write((json.dumps(content) + "\n").encode())
-
-
-def kept_lines(path: Path) -> Iterator[Any]:
-    """Yield the objects of a JSON-lines file, without incomplete lines; nothing if the file is missing."""
-    for line in path.read_text(errors="replace").splitlines() if path.exists() else ():
-        with contextlib.suppress(ValueError):
-            yield json.loads(line)
-
-
-class Pieces:
-    """Store partial results beside the result file, so that a stopped run can continue.
-
-    Results under another ``code``, a digest of the computation, are computed again. Without a file nothing is stored.
-    """
-
-    def __init__(self, out: Path | None, code: str) -> None:
-        self.path, self.code = pieces_of(out) if out and not is_stream(out) else None, code
-        if out:
-            check_file(out)
-        lines = kept_lines(self.path) if self.path else ()
-        self._known = {piece["name"]: piece for piece in lines if self._whole(piece)}
-
-    def of(self, name: str, job: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-        """Return a stored partial result by name, or compute and store it."""
-        return self.known(name) or self.add(name, job())
-
-    def known(self, name: str) -> dict[str, Any] | None:
-        """Return a stored partial result by name, or None."""
-        return self._known.get(name)
-
-    def add(self, name: str, result: dict[str, Any]) -> dict[str, Any]:
-        """Store a partial result under a name and return it."""
-        piece = self._known[name] = {"name": name, "code": self.code, **result}
-        if self.path:
-            keep_line(self.path, {"seal": digest(piece), **piece})
-        return piece
-
-    def _whole(self, piece: Any) -> bool:
-        """Return True if a line is an undamaged result of the current code."""
-        if not isinstance(piece, dict) or piece.get("code") != self.code:
-            return False
-        return bool(piece.pop("seal", None) == digest(piece))
-
-
 def digest(content: Any) -> str:
     """Return a short digest of content that JSON can hold."""
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:12]
-
-
-def pieces_of(out: Path) -> Path:
-    """Return the path of the file with the partial results of a run."""
-    return out.with_name(f".{out.name}.pieces")
 
 
 def origin(command: str) -> dict[str, str]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.files import read_json
-from eskin.base.workers.pool import WorkerPool
+from eskin.base.workers.engine import Pool
 from eskin.model.config import ReadoutConfig
 from eskin.power.equations import FloatArray, TaxelRates
 from eskin.power.parameters import MAX_RESOLUTION, MIN_RESOLUTION
@@ -174,7 +174,7 @@ def measure_table(
     base: ReadoutConfig | None = None,
     resolutions: Sequence[int] = RESOLUTIONS,
     taus_s: Sequence[float] = TAUS_S,
-    pool: WorkerPool | None = None,
+    pool: Pool | None = None,
     watch: Watch = unwatched,
 ) -> RateTable:
     """Return the event rates of every taxel for LCS and N-LCS, measured without contention.

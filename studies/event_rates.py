@@ -10,22 +10,21 @@ from pathlib import Path
 
 from eskin.base.files import atomic_write
 from eskin.base.progress import bar
-from eskin.base.workers.pool import Local
+from eskin.base.workers.engine import Needs, Pool
 from eskin.power.rates import measure_table
 from eskin.skin.textures.dataset import EMBEDDED, open_dataset
 from eskin.skin.textures.presets import PRESETS
 from studies.study import Data, Result, run
 
 
-def compute() -> Data:
+def compute(pool: Pool) -> Data:
     """Return a table of rates for every dataset and preset."""
     datasets = {dataset.name: dataset for dataset in (open_dataset(None), open_dataset(EMBEDDED))}
-    with Local(threads=True) as pool:
-        tables = [
-            measure_table(textures, scan, pool=pool, watch=bar).to_dict()
-            for textures in datasets.values()
-            for scan in PRESETS.values()
-        ]
+    tables = [
+        measure_table(textures, scan, pool=pool, watch=bar).to_dict()
+        for textures in datasets.values()
+        for scan in PRESETS.values()
+    ]
     return {"unit": "events/s of every taxel, mean over the images", "tables": tables}
 
 
@@ -36,7 +35,7 @@ def write(path: Path, data: Data) -> None:
         file.write((re.sub(r"\[[^][{}]+\]", lambda found: json.dumps(json.loads(found[0])), text) + "\n").encode())
 
 
-RESULT = Result("taxel_rates", compute, long=True, write=write)
+RESULT = Result("taxel_rates", compute, long=True, write=write, needs=Needs(), threads=True)
 
 if __name__ == "__main__":
     run("event_rates", RESULT)

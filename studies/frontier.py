@@ -11,19 +11,22 @@ validation, which trains on 160 of the 200 training images and is judged on the 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.figures.style import dress, legend_below, new_figure, save_figure
-from eskin.base.files import Pieces, digest
+from eskin.base.files import digest
 from eskin.base.progress import bar
+from eskin.base.workers.engine import Pool, Shared, Task, landing
+from eskin.base.workers.store import Store
 from eskin.model.config import ReadoutConfig
 from eskin.power.readouts import EQUATIONS
 from eskin.skin.figures.readouts import look
@@ -41,7 +44,7 @@ from eskin.snn.experiments.sweep import coded_bps
 from eskin.snn.reference import LEAST_RATE, logistic_classes
 from studies.drawing import draw_accuracies
 from studies.fig9 import KEPT, NAMES
-from studies.networks import Cells, logits_after
+from studies.networks import NEEDS, Cells, logits_after
 from studies.noise_power import Rates, power_of
 from studies.study import Data, Result, run, work_of
 
@@ -252,62 +255,88 @@ def frame_candidates(preset: str, network: str, bits_per_s: float) -> list[Point
     return found
 
 
+class Cell(NamedTuple):
+    """A training of a point."""
+
+    point: Point
+    fold: int
+    seed: int
+    inner: bool
+    """Whether it is judged by inner validation."""
+
+
+def cells_of(point: Point, seeds: int) -> list[Cell]:
+    """Return the trainings of a point for all folds and a number of seeds."""
+    return [Cell(point, fold, seed, False) for seed in range(seeds) for fold in range(FOLDS)]
+
+
+def inner_cells(point: Point, folds: int = INNER) -> list[Cell]:
+    """Return the trainings for the inner validation of a point."""
+    return [Cell(point, fold, 0, True) for fold in range(folds)]
+
+
 class Frontier:
     """Results of all trainings, stored so that a stopped run can continue.
 
-    - ``work``: store of the results.
+    - ``store``: has the results.
+    - ``pool``: runs the trainings.
     - ``dataset``: as for ``open_dataset``.
     - ``device``: device name of torch. A GPU trains the convolutional networks of a point together.
     """
 
-    def __init__(self, work: Pieces, dataset: str | None = None, device: str = "cpu") -> None:
+    def __init__(self, store: Store, pool: Pool, dataset: str | None = None, device: str = "cpu") -> None:
         self._dataset, self._device = dataset, device
-        self._pieces = work
+        self._store, self._pool = store, pool
         self._scans: tuple[str, ScanData] | None = None
 
-    def cells(
-        self, point: Point, trainings: Sequence[tuple[int, int]], inner: bool, step: Step
-    ) -> list[dict[str, Any]]:
-        """Return labels and predictions of the judged images, for pairs of fold and seed."""
-        experiment = point.experiment(self._dataset)
-        names = self._names(point, trainings, inner)
-        missing = [pair for pair in trainings if self._pieces.known(names[pair]) is None]
-        together = self._device != "cpu" and point.network == "convolutions"
-        for part in [missing] if together and missing else [[pair] for pair in missing]:
-            made = train_cells(experiment, self._data(experiment), part, inner, self._device)
-            for pair, found in zip(part, made, strict=True):
-                self._pieces.add(names[pair], found)
+    def train(self, wanted: Sequence[Cell], step: Step) -> None:
+        """Run the missing trainings in parallel, and store their results."""
+        missing = {cell: name for cell in dict.fromkeys(wanted) if (name := self._name(cell)) not in self._store}
+        for task, made in landing(self._pool, self._tasks(missing)):
+            for name, found in zip(task.name, made, strict=True):
+                self._store.add(name, found)
                 step()
-        for _ in range(len(trainings) - len(missing)):
+        for _ in range(len(wanted) - len(missing)):
             step()
-        return self._known(point, trainings, inner)
 
-    def _names(self, point: Point, trainings: Sequence[tuple[int, int]], inner: bool) -> dict[tuple[int, int], str]:
-        found = digest(point.experiment(self._dataset).to_dict())
-        return {(fold, seed): f"{point.name}/{fold}/{seed}{'/inner' * inner}/{found}" for fold, seed in trainings}
+    def _tasks(self, missing: Mapping[Cell, str]) -> Iterator[Task]:
+        """Yield a task for each training; a GPU runs those of a point with convolutions as one task."""
+        for (point, inner), cells in itertools.groupby(missing, key=lambda cell: (cell.point, cell.inner)):
+            experiment, pairs = point.experiment(self._dataset), [(cell.fold, cell.seed) for cell in cells]
+            shared = Shared.of(_scans_digest(experiment), self._data(experiment))
+            together = self._device != "cpu" and point.network == "convolutions"
+            for part in [pairs] if together else [[pair] for pair in pairs]:
+                names = [missing[Cell(point, *pair, inner)] for pair in part]
+                key = digest([self._store.code, names])
+                yield Task(train_cells, (experiment, part, inner, self._device), shared, key, names)
 
-    def _known(self, point: Point, trainings: Sequence[tuple[int, int]], inner: bool) -> list[dict[str, Any]]:
-        found = (self._pieces.known(name) for name in self._names(point, trainings, inner).values())
-        return [cell for cell in found if cell is not None]
+    def _name(self, cell: Cell) -> str:
+        found = digest(cell.point.experiment(self._dataset).to_dict())
+        return f"{cell.point.name}/{cell.fold}/{cell.seed}{'/inner' * cell.inner}/{found}"
+
+    def _known(self, cells: Iterable[Cell]) -> list[dict[str, Any]]:
+        """Return labels and predictions of the judged images of the trainings that are there."""
+        return [self._store[name] for name in map(self._name, cells) if name in self._store]
 
     def rate_hz(self, experiment: Experiment) -> float:
         """Return the mean event rate of a readout; of frames, values per second."""
         name = f"rate/{_scans_digest(experiment)}"
-        return float(self._pieces.of(name, lambda: {"rate_hz": self._data(experiment).rate_hz})["rate_hz"])
+        return float(self._store.of(name, lambda: self._data(experiment).rate_hz))
 
     def readout(self, point: Point) -> dict[str, Any]:
         """Return event rate, data rates and power of the readout of a point."""
         experiment = point.experiment(self._dataset)
-        return self._pieces.of(
+        found: dict[str, Any] = self._store.of(
             f"rates/{_scans_digest(experiment)}",
             lambda: _rates(experiment, self.rate_hz(experiment), coded_bps(experiment)),
         )
+        return found
 
     def trivial(self, point: Point) -> float:
         """Return the accuracy of a logistic regression on the mean of every channel of the first scans."""
         experiment = dataclasses.replace(point.experiment(self._dataset), start_rows=1)
         name = f"trivial/{_scans_digest(experiment)}"
-        return float(self._pieces.of(name, lambda: {"accuracy": trivial_of(experiment.data())})["accuracy"])
+        return float(self._store.of(name, lambda: trivial_of(experiment.data())))
 
     def _data(self, experiment: Experiment) -> ScanData:
         """Return the scans of a point; only those of the last point stay in memory."""
@@ -316,9 +345,9 @@ class Frontier:
             self._scans = key, experiment.data()
         return self._scans[1]
 
-    def inner(self, point: Point, folds: int, step: Step) -> dict[str, Any]:
-        """Return the inner validation accuracy over folds, from training images only."""
-        cells = self.cells(point, [(fold, 0) for fold in range(folds)], True, step)
+    def inner(self, point: Point, folds: int) -> dict[str, Any]:
+        """Return the inner validation accuracy over folds, from training images only, after the trainings."""
+        cells = self._known(inner_cells(point, folds))
         experiment = point.experiment(self._dataset)
         rate_hz = self.rate_hz(experiment)
         right = [np.equal(cell["labels"], cell["predicted"]) for cell in cells]
@@ -335,27 +364,26 @@ class Frontier:
 
         Among equals the point with the lowest data rate is best.
         """
-        found = [self.inner(point, INNER, step) for point in points]
+        self.train([cell for point in points for cell in inner_cells(point)], step)
+        found = [self.inner(point, INNER) for point in points]
         best = max(range(len(found)), key=lambda n: (found[n]["accuracy"], -found[n]["bits_per_s"]))
         return points[best], found
 
-    def point(self, point: Point, seeds: int, step: Step) -> dict[str, Any]:
-        """Return a point with its accuracy over all folds and a number of seeds."""
-        pairs = [(fold, seed) for seed in range(seeds) for fold in range(FOLDS)]
-        cells = self.cells(point, pairs, False, step)
+    def point(self, point: Point, seeds: int) -> dict[str, Any]:
+        """Return a point with its accuracy over all folds and a number of seeds, after the trainings."""
+        cells = self._known(cells_of(point, seeds))
         order = np.argsort(np.concatenate([cell["images"] for cell in cells[:FOLDS]]))
         words = []
         for seed in range(seeds):
             own = cells[FOLDS * seed : FOLDS * (seed + 1)]
             labels = as_word(np.concatenate([cell["labels"] for cell in own])[order])
             words.append(as_word(np.concatenate([cell["predicted"] for cell in own])[order]))
-        rates = {name: value for name, value in self.readout(point).items() if name not in ("name", "code")}
         more: dict[str, Any] = {"trivial": self.trivial(point)}
-        inner = self._known(point, [(fold, 0) for fold in range(INNER)], True)
+        inner = self._known(inner_cells(point))
         timed, judged = ([cell for cell in found if "answers" in cell] for found in (cells, inner))
         if timed and judged:
             more["latency"] = latency_of(timed, judged)
-        return _named(point, point.experiment(self._dataset)) | rates | more | _result(labels, words)
+        return _named(point, point.experiment(self._dataset)) | self.readout(point) | more | _result(labels, words)
 
 
 def measured(run: Frontier, step: Step) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -385,7 +413,8 @@ def measured(run: Frontier, step: Step) -> tuple[list[dict[str, Any]], list[dict
                         for one, other in zip(validated, tried, strict=True)
                     ]
                     seeds[point] = max(seeds.get(point, 0), SEEDS.get((network, budget_hz), 1))
-    return [run.point(point, number, step) for point, number in seeds.items()], inner
+    run.train([cell for point, number in seeds.items() for cell in cells_of(point, number)], step)
+    return [run.point(point, number) for point, number in seeds.items()], inner
 
 
 def frontier_data(points: Sequence[dict[str, Any]], inner: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
@@ -451,12 +480,15 @@ def judged_of(data: ScanData, fold: int, seed: int, inner: bool) -> tuple[Any, A
 
 
 def train_cells(
-    experiment: Experiment, data: ScanData, trainings: Sequence[tuple[int, int]], inner: bool, device: str
+    data: ScanData, experiment: Experiment, trainings: Sequence[tuple[int, int]], inner: bool, device: str
 ) -> list[dict[str, Any]]:
     """Return the predictions of networks after their last epoch, for pairs of fold and seed."""
+    import torch
+
     from eskin.snn.batched_training import train_together
     from eskin.snn.train import predicted_classes, train
 
+    torch.set_num_threads(1)
     splits = [judged_of(data, fold, seed, inner) for fold, seed in trainings]
     learned, config = [split[0] for split in splits], experiment.network_config(data)
     networks: Sequence[Any]
@@ -647,12 +679,12 @@ def _draw(panel: Axes, points: list[Data], field: str) -> None:
         draw_accuracies(panel, at, shown, style, markersize=5, linewidth=1)
 
 
-def compute() -> Data:
+def compute(pool: Pool) -> Data:
     """Return the points of all budgets and of the project's sweeps, their comparisons, and the inner validations."""
     import torch
 
-    torch.set_num_threads(1)
-    frontier = Frontier(work_of("frontier"), device="cuda" if torch.cuda.is_available() else "cpu")
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    frontier = Frontier(work_of("frontier", NEEDS), pool, device=device)
     with bar("cells") as step:
         points, inner = measured(frontier, step)
     for name, network in SWEEPS.items():
@@ -660,7 +692,7 @@ def compute() -> Data:
     return frontier_data(points, inner)
 
 
-RESULT = Result("frontier", compute, plot_frontier, long=True)
+RESULT = Result("frontier", compute, plot_frontier, long=True, needs=NEEDS)
 
 if __name__ == "__main__":
     run("frontier", RESULT)

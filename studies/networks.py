@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import Pieces, digest, read_json
+from eskin.base.files import digest, read_json
+from eskin.base.workers.engine import Needs, Pool, each
+from eskin.base.workers.store import Store
 from eskin.skin.textures.dataset import open_dataset
 from eskin.snn.data.scans import ScanData
 from eskin.snn.exchange.weights import Weights, load_weights
@@ -116,17 +118,36 @@ def trained_networks(scenes: bool = False) -> list[Subject]:
     return found
 
 
-def tested(
-    subject: Subject, work: Pieces, case: Mapping[str, Any], make: Callable[[], dict[str, Any]]
-) -> dict[str, Any]:
-    """Return the test results of a network in a case, stored or computed.
+NEEDS = Needs(("base", "model", "skin", "snn"), ("torch", "numpy"))
+"""Packages and libraries that determine the answers of networks."""
 
-    - ``case``: fields that determine the test.
-    - ``make``: returns labels and answers.
+Answers = Callable[[Sequence[Subject], Mapping[str, Any]], list[dict[str, Any]]]
+"""Function that returns labels and answers of networks in a case."""
+
+
+def tested(
+    pool: Pool,
+    store: Store,
+    answers: Answers,
+    jobs: Sequence[tuple[Sequence[Subject], Mapping[str, Any]]],
+    progress: Callable[[], object],
+) -> list[dict[str, Any]]:
+    """Return the results of networks in cases, stored or computed.
+
+    - ``jobs``: networks that are tested together, and the fields that determine their test.
+    - ``progress``: called after each network.
     """
-    about = {name: getattr(subject, name) for name in ("network", "fold", "seed")} | {"images": subject.images.tolist()}
-    name = f"{subject.name}/{digest([subject.digest, about['images'], case])}"
-    return work.of(name, lambda: {**about, **case, **make()})
+
+    def name(subjects: Sequence[Subject], case: Mapping[str, Any]) -> str:
+        return str(digest([[(one.name, one.digest, one.images.tolist()) for one in subjects], case]))
+
+    found = []
+    for (subjects, case), made in zip(jobs, each(pool, answers, jobs, store=store, name=name), strict=True):
+        for subject, own in zip(subjects, made, strict=True):
+            about = {field: getattr(subject, field) for field in ("network", "fold", "seed")}
+            found.append({**about, "images": subject.images.tolist(), **case, **own})
+            progress()
+    return found
 
 
 Cells = Sequence[dict[str, Any]]

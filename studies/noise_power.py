@@ -7,9 +7,8 @@ power model, so that accuracy, rate and power belong to the same v_n. The study 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -18,8 +17,8 @@ from numpy.typing import NDArray
 
 from eskin.base.figures.labels import Box, Taken, on_page, place_label
 from eskin.base.figures.style import GREY, dress, legend_below, new_figure, plain_numbers, save_figure
-from eskin.base.files import Pieces
 from eskin.base.progress import bar
+from eskin.base.workers.engine import Pool
 from eskin.model.address_events import taxel_of
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
@@ -36,7 +35,7 @@ from eskin.snn.data.scans import ScanData, collect
 from eskin.snn.exchange.weights import config_of
 from eskin.snn.experiments.experiment import Experiment
 from studies.drawing import draw_networks, network_styles
-from studies.networks import Cells, Subject, all_pairs, by_case, in_words, score_of, tested, trained_networks
+from studies.networks import NEEDS, Cells, Subject, all_pairs, by_case, in_words, score_of, tested, trained_networks
 from studies.study import Data, Result, run, work_of
 
 if TYPE_CHECKING:
@@ -57,11 +56,12 @@ Noise = tuple[Mode, float]
 """Mode, and rms of the AFE noise in volts."""
 
 
-def compute() -> Data:
+def compute(pool: Pool) -> Data:
     """Return accuracy, rate and power of every network at every noise, and comparisons of every two networks."""
     subjects = trained_networks()
-    with bar("scans", sum(len(subject.images) for subject in subjects)) as step:
-        cells = under_noise(subjects, NOISES_V, work_of("noise_power"), step)
+    with bar("networks", len(subjects)) as step:
+        jobs = [([subject], {"noises_v": list(NOISES_V)}) for subject in subjects]
+        cells = tested(pool, work_of("noise_power", NEEDS), answers, jobs, step)
     points = points_of(subjects, cells)
     return {"points": points, "pairs": all_pairs(points, ("mode", "noise_v"))}
 
@@ -94,9 +94,7 @@ class Rates:
         return TaxelRates(self.population_hz * ones, self.square_sum_hz2 * ones)
 
 
-def noisy_scans(
-    experiment: Experiment, images: Sequence[int], noises: Sequence[Noise], progress: Callable[[], object]
-) -> list[tuple[ScanData, Rates]]:
+def noisy_scans(experiment: Experiment, images: Sequence[int], noises: Sequence[Noise]) -> list[tuple[ScanData, Rates]]:
     """Return the network inputs for images at every noise level, and the event rates."""
     scan, config = experiment.scan_and_config()
     dataset, frames = open_dataset(experiment.dataset), experiment.frames
@@ -110,7 +108,6 @@ def noisy_scans(
             codes = noisy_codes(noise, config, signals, int(image))
             said = said_of(texture, dataset.name, scan)
             kept.append(values_of(frames, codes) if frames is not None else recorded(config, codes, said))
-        progress()
     if frames is None:
         return [(collect(kept, experiment.bins, dataset.class_names), rates_of(kept)) for kept in found]
     textures = [dataset[int(image)] for image in images]
@@ -130,20 +127,17 @@ def rates_of(recordings: Sequence[Recording]) -> Rates:
     return Rates(float(of_taxels.sum()), float((of_taxels**2).sum()))
 
 
-def under_noise(
-    subjects: Sequence[Subject], noises_v: Sequence[float], work: Pieces, progress: Callable[[], object]
-) -> list[dict[str, Any]]:
-    """Return the predictions of every network at every noise level; stored results are reused."""
-    case = {"noises_v": list(noises_v)}
-    return [tested(one, work, case, partial(_cell, one, noises_v, progress)) for one in subjects]
+def answers(subjects: Sequence[Subject], case: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the answers of networks at every noise level."""
+    return [_cell(subject, case["noises_v"]) for subject in subjects]
 
 
-def _cell(subject: Subject, noises_v: Sequence[float], progress: Callable[[], object]) -> dict[str, Any]:
+def _cell(subject: Subject, noises_v: Sequence[float]) -> dict[str, Any]:
     """Return predictions and event rates of one network at every noise level."""
     from eskin.snn.train import check_fits, logits_of
 
     noises = [(mode, noise_v) for mode in MODES for noise_v in noises_v]
-    data = noisy_scans(subject.experiment, subject.images.tolist(), noises, progress)
+    data = noisy_scans(subject.experiment, subject.images.tolist(), noises)
     network = subject.weights.network
     check_fits(config_of(network), data[0][0])
     answers = [
@@ -239,7 +233,7 @@ def _label_points(axis: Axes, points: Sequence[Mapping[str, Any]]) -> None:
         place_label(axis, note, mark, taken, "right above left below")
 
 
-RESULT = Result("classifier/noise_power", compute, plot_noise_power, long=True)
+RESULT = Result("classifier/noise_power", compute, plot_noise_power, long=True, needs=NEEDS)
 
 if __name__ == "__main__":
     run("noise_power", RESULT)

@@ -7,8 +7,7 @@ the hardware (docs/results/classifier.md#in-whole-numbers). The study tests the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,14 +16,14 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.figures.style import GREY, dress, legend_below, new_figure, plain_numbers, save_figure
-from eskin.base.files import Pieces
 from eskin.base.progress import bar
+from eskin.base.workers.engine import Pool
 from eskin.model.classifier.network import IntegerNetwork
 from eskin.snn.exchange.integer import Precision, quantise
 from eskin.snn.experiments.intervals import scored
 from eskin.snn.experiments.points import as_word
 from studies.drawing import MARKERS, draw_accuracies, family
-from studies.networks import Cells, Subject, by_case, right_by_image, tested, trained_networks
+from studies.networks import NEEDS, Cells, Subject, by_case, right_by_image, tested, trained_networks
 from studies.study import Data, Result, run, work_of
 
 if TYPE_CHECKING:
@@ -57,23 +56,18 @@ def precision_of(variant: str) -> Precision:
     return Precision(**fields | {names[other[0]]: int(other[1:]) for other in others})
 
 
-def compute() -> Data:
+def compute(pool: Pool) -> Data:
     """Return accuracy, cost and answers of every network at every precision."""
     subjects = trained_networks()
     with bar("networks", len(subjects)) as step:
-        cells = in_precisions(subjects, VARIANTS, work_of("precision"), step)
+        jobs = [([subject], {"variants": list(VARIANTS)}) for subject in subjects]
+        cells = tested(pool, work_of("precision", NEEDS), answers, jobs, step)
     return {"tests": tests_of(cells), "points": points_of(cells)}
 
 
-def in_precisions(
-    subjects: Sequence[Subject], variants: Sequence[str], work: Pieces, progress: Callable[[], object]
-) -> list[dict[str, Any]]:
-    """Return the predictions of every network at every precision; stored results are reused."""
-    found = []
-    for subject in subjects:
-        found.append(tested(subject, work, {"variants": list(variants)}, partial(_cell, subject, variants)))
-        progress()
-    return found
+def answers(subjects: Sequence[Subject], case: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the answers of networks at every precision."""
+    return [_cell(subject, case["variants"]) for subject in subjects]
 
 
 def _cell(subject: Subject, variants: Sequence[str]) -> dict[str, Any]:
@@ -225,7 +219,7 @@ def _bits(axis: Axes, points: Sequence[dict[str, Any]], colour: str) -> None:
             axis.annotate(point["variant"], at, (3, 3), textcoords="offset points", fontsize=6, color=colour)
 
 
-RESULT = Result("classifier/precision", compute, plot_precision, long=True)
+RESULT = Result("classifier/precision", compute, plot_precision, long=True, needs=NEEDS)
 
 if __name__ == "__main__":
     run("precision", RESULT)

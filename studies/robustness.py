@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.figures.style import dress, legend_below, new_figure, save_figure
-from eskin.base.files import Pieces
 from eskin.base.progress import bar
+from eskin.base.workers.engine import Pool
+from eskin.base.workers.store import Store
 from eskin.skin.textures.dataset import open_dataset
 from eskin.skin.textures.physical import PhysicalScan
 from eskin.snn.data.disturb import DISTURBANCES, record_disturbed
@@ -25,7 +25,7 @@ from eskin.snn.data.scans import ScanData, collect
 from eskin.snn.exchange.weights import config_of
 from eskin.snn.experiments.experiment import Experiment
 from studies.drawing import draw_networks, network_styles
-from studies.networks import Cells, Subject, by_case, score_of, tested, trained_networks
+from studies.networks import NEEDS, Cells, Subject, by_case, score_of, tested, trained_networks
 from studies.study import Data, Result, run, work_of
 
 if TYPE_CHECKING:
@@ -44,11 +44,11 @@ LETTERS = 34
 """Most letters of a line below a panel; a longer line would meet the next panel's."""
 
 
-def compute() -> Data:
+def compute(pool: Pool) -> Data:
     """Return accuracy and answers of every network in all cases."""
     subjects = trained_networks(scenes=True)
     with bar("cells", len(subjects) * len(CASES)) as step:
-        return {"points": summarise(run_cells(subjects, CASES, work_of("robustness"), step))}
+        return {"points": summarise(run_cells(subjects, CASES, pool, work_of("robustness", NEEDS), step))}
 
 
 def disturbed_scans(experiment: Experiment, images: NDArray[np.int64], case: Case) -> ScanData:
@@ -67,32 +67,39 @@ def disturbed_scans(experiment: Experiment, images: NDArray[np.int64], case: Cas
 
 
 def run_cells(
-    subjects: Sequence[Subject], chosen: Sequence[Case], work: Pieces, progress: Callable[[], object]
+    subjects: Sequence[Subject], chosen: Sequence[Case], pool: Pool, store: Store, progress: Callable[[], object]
 ) -> list[dict[str, Any]]:
-    """Return the test results of all networks in all cases; stored results are reused."""
-    found = []
-    for case in chosen:
-        scans: dict[str, ScanData] = {}
-        for subject in subjects:
-            named = dict(zip(("disturbance", "strength"), case, strict=True))
-            found.append(tested(subject, work, named, partial(_test, subject, case, scans)))
-            progress()
-    return found
+    """Return the test results of all networks in all cases; networks with the same scans are tested together."""
+    groups: dict[str, list[Subject]] = {}
+    for subject in subjects:
+        groups.setdefault(subject.recorded_as, []).append(subject)
+    cases = [dict(zip(("disturbance", "strength"), case, strict=True)) for case in chosen]
+    found = tested(pool, store, answers, [(group, case) for case in cases for group in groups.values()], progress)
+    names = [(subject.network, subject.fold, subject.seed) for subject in subjects]
+    return sorted(
+        found,
+        key=lambda cell: (
+            chosen.index((cell["disturbance"], cell["strength"])),
+            names.index((cell["network"], cell["fold"], cell["seed"])),
+        ),
+    )
 
 
-def _test(subject: Subject, case: Case, scans: dict[str, ScanData]) -> dict[str, Any]:
-    """Return the predictions of a network; ``scans`` has the disturbed scans of other networks."""
+def answers(subjects: Sequence[Subject], case: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the predictions of networks for the same disturbed scans."""
     from eskin.snn.train import check_fits, logits_of
 
-    if subject.recorded_as not in scans:
-        scans[subject.recorded_as] = disturbed_scans(subject.experiment, subject.images, case)
-    network, data = subject.weights.network, scans[subject.recorded_as]
-    check_fits(config_of(network), data)
-    return {
-        "labels": data.labels.tolist(),
-        "predicted": logits_of(network, data).argmax(1).tolist(),
-        "rate_hz": data.rate_hz,
-    }
+    data = disturbed_scans(subjects[0].experiment, subjects[0].images, (case["disturbance"], case["strength"]))
+    for subject in subjects:
+        check_fits(config_of(subject.weights.network), data)
+    return [
+        {
+            "labels": data.labels.tolist(),
+            "predicted": logits_of(subject.weights.network, data).argmax(1).tolist(),
+            "rate_hz": data.rate_hz,
+        }
+        for subject in subjects
+    ]
 
 
 def summarise(cells: Cells) -> list[dict[str, Any]]:
@@ -142,7 +149,7 @@ def _draw(panel: Axes, name: str, points: Sequence[Mapping[str, Any]], styles: M
     panel.set_ylim(0, 103)
 
 
-RESULT = Result("classifier/robustness", compute, plot_robustness, long=True)
+RESULT = Result("classifier/robustness", compute, plot_robustness, long=True, needs=NEEDS)
 
 if __name__ == "__main__":
     run("robustness", RESULT)

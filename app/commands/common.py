@@ -1,4 +1,4 @@
-"""What several commands share: options, the worker pool, and the names, files and final messages of runs."""
+"""What several commands share: options, and the names, files and final messages of runs."""
 
 from __future__ import annotations
 
@@ -15,8 +15,6 @@ from eskin.app.leave import EXIT_INTERRUPTED
 from eskin.app.options import LEAKY, opt, out_folder
 from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
-from eskin.base.workers.cluster import Cluster, Needs
-from eskin.base.workers.pool import Local, WorkerPool
 from eskin.skin.textures.rates import PAPER_TAU_S
 
 if TYPE_CHECKING:
@@ -42,23 +40,6 @@ Rates = Annotated[Path | None, opt(..., "--rates", "FILE", "event rates, from st
 Json = Annotated[bool, opt(..., "--json", "print one JSON object")]
 Workers = Annotated[int | None, opt(..., "N", "parallel processes on this machine [one per usable core]")]
 Scheduler = Annotated[str | None, opt(..., "ADDRESS", "Dask scheduler, tcp://HOST:8786, instead of this machine")]
-
-
-def open_pool(
-    workers: int | None, scheduler: str | None, needs: Needs | None = None, *, threads: bool = False
-) -> WorkerPool:
-    """Return the worker pool for the user's options.
-
-    Workers of a Dask scheduler must share the versions of ``needs``, by default those of the model. On this machine,
-    threads instead of processes are for work that releases the interpreter lock.
-    """
-    if scheduler is None:
-        return Local(workers, threads)
-    if workers is not None:
-        raise InputError(
-            "--workers starts processes on this machine, --scheduler uses a cluster; give only one of these options"
-        )
-    return Cluster(scheduler, needs or Needs())
 
 
 def check_name(name: str) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write, make_folder
-from eskin.base.workers.pool import MAX_DEATHS
+from eskin.base.workers.engine import MAX_DEATHS
 from eskin.cocotb_tests.bench.stimuli import settled
 from eskin.cocotb_tests.runner.build_cache import BUILD, scratch_folder
 from eskin.cocotb_tests.runner.inputs import Inputs

@@ -9,8 +9,7 @@ from typing import Any
 
 from eskin.base.errors import InputError
 from eskin.base.files import make_folder
-from eskin.base.workers.cluster import Needs
-from eskin.base.workers.pool import WorkerPool, each
+from eskin.base.workers.engine import Needs, Pool, each
 from eskin.cocotb_tests.runner.chunk import Scans, play_part, store
 from eskin.cocotb_tests.runner.inputs import Inputs, Textures, chosen
 from eskin.cocotb_tests.runner.process import Tally
@@ -108,7 +107,7 @@ def plan_textures(
     return Plan(config, material, chosen(material, limit, only), out)
 
 
-def play(plan: Plan, missing: list[str], pool: WorkerPool, on_run: Callable[[], object]) -> Tally:
+def play(plan: Plan, missing: list[str], pool: Pool, on_run: Callable[[], object]) -> Tally:
     """Simulate the missing inputs in parallel, store the events, and return the totals.
 
     The first run plays every clock. The others skip the clocks in which the readout is not awake.

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.files import make_folder, read_arrays
-from eskin.base.workers.pool import WorkerPool, each
+from eskin.base.workers.engine import Pool, each
 from eskin.cocotb_tests.bench.chip import ChipScan
 from eskin.cocotb_tests.runner.chunk import retry_after_crash, store
 from eskin.cocotb_tests.runner.inputs import Inputs, Own, Textures, chosen
@@ -265,7 +265,7 @@ def play_part(part: Part) -> dict[str, bytes]:
     return retry_after_crash("touch", play)
 
 
-def play(plan: Plan, pool: WorkerPool, on_run: Callable[[], object]) -> None:
+def play(plan: Plan, pool: Pool, on_run: Callable[[], object]) -> None:
     """Simulate the missing inputs in parallel, and store the results."""
     require_programs("verilator")
     for files in each(pool, play_part, ((part,) for part in plan.parts(pool.workers))):

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from eskin import model
 from eskin.base.errors import InputError
 from eskin.base.files import read_arrays, write_arrays
-from eskin.base.workers.pool import WorkerPool
+from eskin.base.workers.engine import Pool
 from eskin.model import __version__
 from eskin.model.config import ReadoutConfig
 from eskin.skin.recordings.fitting import Fit
@@ -41,7 +41,7 @@ def kept_events(
     config: ReadoutConfig,
     given: Collection[str] = (),
     progress: Callable[[], object] | None = None,
-    pool: WorkerPool | None = None,
+    pool: Pool | None = None,
     flat: bool = False,
     fit: Fit | None = None,
 ) -> tuple[Path, tuple[str, ...], tuple[str, ...]]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.inputs import check_no_others, find_files
-from eskin.base.workers.pool import Local, WorkerPool, each
+from eskin.base.workers.engine import Local, Pool, each
 from eskin.model.address_events import Events
 from eskin.model.config import MAX_SIDE, ReadoutConfig
 from eskin.model.events.recording import Recording
@@ -67,7 +67,7 @@ class RecordingSet:
         """Return the events of a recording from the cycle-accurate model, and their quality."""
         return self._named(number, *encoded(self.config, self.codes[number]))
 
-    def each_recording(self, pool: WorkerPool | None = None) -> Iterator[tuple[Source, Recording, Quality]]:
+    def each_recording(self, pool: Pool | None = None) -> Iterator[tuple[Source, Recording, Quality]]:
         """Yield events and quality of every recording in order, computed by a worker pool."""
         found = each(pool or Local(1), encoded, ((self.config, codes) for codes in self.codes))
         for number, (events, quality) in enumerate(found):
@@ -279,7 +279,7 @@ def negative_part_lost(config: ReadoutConfig, recordings: Sequence[NDArray[np.in
 
 
 def write_folder(
-    recordings: RecordingSet, out: Path, pool: WorkerPool | None = None, progress: Callable[[], object] | None = None
+    recordings: RecordingSet, out: Path, pool: Pool | None = None, progress: Callable[[], object] | None = None
 ) -> tuple[Quality, tuple[str, ...]]:
     """Write the event file ``OUT/class/name.npz`` for every recording.
 

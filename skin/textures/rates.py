@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.workers.pool import Local, WorkerPool, each
+from eskin.base.workers.engine import Local, Pool, each
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.frame_config import FrameConfig
@@ -52,7 +52,7 @@ def measure_rates(
     scan: Scan,
     config: ReadoutConfig,
     start_rows: Sequence[float] = (0.0,),
-    pool: WorkerPool | None = None,
+    pool: Pool | None = None,
     progress: Callable[[], object] | None = None,
 ) -> Rates:
     """Return the event rates of a readout over a dataset, measured without contention.
@@ -147,7 +147,7 @@ def each_image(
     dataset: Dataset,
     work: Callable[..., Any],
     arguments: tuple[Any, ...],
-    pool: WorkerPool | None = None,
+    pool: Pool | None = None,
     progress: Callable[[], object] | None = None,
 ) -> Iterator[Any]:
     """Yield the result of a function for every image of a dataset, in order.
@@ -182,7 +182,7 @@ def compare_traffic(
     config: ReadoutConfig,
     frame: FrameConfig,
     tau_s: float | None = None,
-    pool: WorkerPool | None = None,
+    pool: Pool | None = None,
     progress: Callable[[], object] | None = None,
 ) -> dict[str, Any]:
     """Return the data rates of every spiking readout and of the frame readout (docs/reference/frame.md).

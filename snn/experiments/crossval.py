@@ -9,15 +9,11 @@ inner validation is used for both. Test images select nothing.
 """
 
 import threading
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.base.errors import InputError
-from eskin.base.files import plain, read_json
-from eskin.base.shapes import misfit
 from eskin.snn.data.folds import inner_part, tested
 from eskin.snn.data.scans import ScanData, Split
 from eskin.snn.experiments.experiment import Experiment
@@ -110,28 +106,3 @@ def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[st
 def _deviation(values: NDArray[np.float64]) -> float | None:
     """Return the sample standard deviation, or None for a single value."""
     return float(np.std(values, ddof=1)) if len(values) > 1 else None
-
-
-_LISTS = ("test_images", "labels", "last", "selected")
-_CELL = {"experiment": dict, "result": {"fold": int, "seed": int, **{name: [int] for name in _LISTS}}}
-"""Fields of a result file that ``summarise`` needs."""
-
-
-def read_cell(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return key and result from a result file of one fold and seed; raise an error for other files."""
-    try:
-        content = read_json(path, "the cell", dict)
-    except InputError:
-        content = {}
-    if misfit(content, _CELL) or len({len(content["result"][name]) for name in _LISTS}) > 1:
-        raise InputError(f"{path} is not the result of a training; remove it")
-    return content["experiment"], content["result"]
-
-
-def check_same(path: Path, found: dict[str, Any], key: dict[str, Any]) -> None:
-    """Raise an error if the key of a stored result differs from ``key``."""
-    found, wanted = plain(found), plain(key)
-    if names := [name for name in wanted if found.get(name) != wanted[name]]:
-        raise InputError(
-            f"{path} belongs to another experiment (different: {', '.join(names)}); remove the folder or choose another"
-        )

@@ -5,7 +5,6 @@ that is stopped early therefore has complete seeds of every point.
 """
 
 import itertools
-import queue
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from eskin.base import files
 from eskin.base.errors import InputError
 from eskin.base.files import write_json
 from eskin.base.outputs import check_file
-from eskin.base.workers.pool import Local, Shared, WorkerPool, next_result, sentence
+from eskin.base.workers.engine import Batch, Needs, Pool, Shared, Task, sentence, version
+from eskin.base.workers.store import Store
 from eskin.skin.textures.dataset import open_dataset
 from eskin.snn.checkpoint import digest
 from eskin.snn.data.coding import events_bps, frames_bps
@@ -25,9 +26,12 @@ from eskin.snn.data.frames import codes_of
 from eskin.snn.data.record import record
 from eskin.snn.data.recordings import event_files, read_recordings
 from eskin.snn.data.scans import ScanData
-from eskin.snn.experiments.crossval import check_same, read_cell, run_alone, summarise
+from eskin.snn.experiments.crossval import run_alone, summarise
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.points import READINGS, Point, write_sweep
+
+NEEDS = Needs(("base", "model", "skin", "snn"), ("torch", "numpy"))
+"""Packages and libraries that determine the results of trainings."""
 
 PUBLISHED_BPS = 640e3
 """Data rate by which the paper divides its data rates."""
@@ -53,19 +57,18 @@ class SweepPoint:
 class PointRun:
     """The trainings of one sweep point: finished, missing, and their report.
 
-    Raise InputError if the folder contains other files in place of cells, or cells of another experiment.
-
-    ``folder`` takes one file per cell, and ``result.json`` when all are done. Seeds are 0 .. seeds - 1.
+    ``folder`` takes ``result.json`` when all trainings are done, and ``store`` takes the result of each training. Seeds
+    are 0 .. seeds - 1.
     """
 
-    def __init__(self, point: SweepPoint, folder: Path, folds: int, seeds: int) -> None:
+    def __init__(self, point: SweepPoint, folder: Path, folds: int, seeds: int, store: Store) -> None:
         if folds < 2:
             raise InputError(f"folds must be at least 2, not {folds}")
         if seeds < 1:
             raise InputError(f"seeds must be at least 1, not {seeds}")
-        self.point, self.folder = point, folder
+        self.point, self.folder, self.store = point, folder, store
         self.folds, self.seeds = folds, seeds
-        self.paths = {(fold, s): folder / f"fold-{fold}-seed-{s}.json" for s in range(seeds) for fold in range(folds)}
+        self.cells = [(fold, seed) for seed in range(seeds) for fold in range(folds)]
         self.done: dict[tuple[int, int], dict[str, Any]] = {}
         """Results by (fold, seed); existing ones after ``prepare``."""
         self.report: dict[str, Any] | None = None
@@ -78,9 +81,6 @@ class PointRun:
         self._results: dict[str, Any] = {}
         """Number of completed seeds, and their summary."""
         self._key = point.experiment.to_dict() | {"folds": folds, "fold_seed": 0}
-        self._found = {cell: read_cell(path) for cell, path in self.paths.items() if path.exists()}
-        for cell, (key, _) in self._found.items():
-            check_same(self.paths[cell], key, self._key)
         folder.mkdir(parents=True, exist_ok=True)
         check_file(folder / "result.json")
 
@@ -100,23 +100,28 @@ class PointRun:
         data = self.point.experiment.data(tick) if self.point.data is None else self.point.data
         check_folds(data, self.folds, self.point.experiment.tests)
         self._key["data"] = digest(data)
-        for cell, (key, result) in self._found.items():
-            check_same(self.paths[cell], key, self._key)
-            self.done[cell] = result
-        self._found = {}
+        self.done = {cell: self.store[name] for cell in self.cells if (name := self._name(*cell)) in self.store}
         self._images, self._class_names = len(data.names), list(data.class_names)
         self.rate_hz = data.rate_hz
         if self.point.data is None:
             self.coded_bps = coded_bps(self.point.experiment)
-        if len(self.done) < len(self.paths):
-            self.shared = Shared.of(self.point.name, data)
+        if len(self.done) < len(self.cells):
+            self.shared = Shared.of(self._key["data"], data)
         self._conclude()
+
+    def _name(self, fold: int, seed: int) -> str:
+        """Return the name of a training in the store: all that determines its result, but the code."""
+        return f"{files.digest(files.plain(self._key))} fold {fold} seed {seed}"
+
+    def task(self, fold: int, seed: int) -> Task:
+        """Return the task of a training."""
+        key = files.digest([self.store.code, self._name(fold, seed)])
+        return Task(run_alone, (self.point.experiment, fold, seed, self.folds), self.shared, key, (self, fold, seed))
 
     def finish(self, result: dict[str, Any]) -> None:
         """Store the result of a training; the last result triggers the report."""
         cell = (result["fold"], result["seed"])
-        write_json(self.paths[cell], {"experiment": self._key, "result": result})
-        self.done[cell] = result
+        self.done[cell] = self.store.add(self._name(*cell), result)
         self._conclude()
 
     def _conclude(self) -> None:
@@ -125,7 +130,7 @@ class PointRun:
         if len(whole) > self._whole:
             cells = [self.done[fold, s] for s in whole for fold in range(self.folds)]
             self._whole, self._results = len(whole), summarise(cells, self._images, len(self._class_names))
-        if len(self.done) < len(self.paths):
+        if len(self.done) < len(self.cells):
             return
         self.shared = None
         self.report = {
@@ -134,7 +139,7 @@ class PointRun:
             "rate_hz": self.rate_hz,
             "class_names": self._class_names,
             **self._results,
-            "cells": [self.done[cell] for cell in self.paths],
+            "cells": [self.done[cell] for cell in self.cells],
         }
         write_json(self.folder / "result.json", self.report)
 
@@ -152,7 +157,7 @@ class PointRun:
             "data_rate_bps": data_rate,
             "normalised_rate": None if data_rate is None else data_rate / PUBLISHED_BPS,
             "class_names": self._class_names if self.ready else None,
-            "cells": {"done": len(self.done), "of": len(self.paths), "whole_seeds": self._whole},
+            "cells": {"done": len(self.done), "of": len(self.cells), "whole_seeds": self._whole},
             **dict.fromkeys(READINGS),
             **self._results,
             **({"coded_bps": self.coded_bps} if self.coded_bps else {}),
@@ -174,7 +179,7 @@ def coded_bps(experiment: Experiment) -> dict[str, float]:
     return frames_bps([codes_of(frames, texture.load(), scan, config) for texture in textures], frames)
 
 
-def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell) -> None:
+def run_points(runs: Sequence[PointRun], pool: Pool, progress: OnCell) -> None:
     """Run all missing trainings of sweep points; each result is stored immediately.
 
     Raise InputError if a point has no scans or a cell cannot be trained. The running cells are finished first and their
@@ -184,37 +189,30 @@ def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell) -> 
     - ``pool``: pool for the cells; without effect on the results.
     - ``progress``: called with a point and None before and after its scans are made, and with every cell that was run.
     """
-    landed: queue.SimpleQueue[tuple[PointRun, int, int, Any]] = queue.SimpleQueue()
-    failures: list[str] = []
-    flying = 0
+    batch, failures = Batch(pool), list[str]()
 
-    def take(run: PointRun, fold: int, seed: int, future: Any) -> None:
-        nonlocal flying
-        flying -= 1
-        try:
-            result = future.result()
-        except Exception as error:
-            if (words := sentence(error)) is None:
-                raise
-            point = f"point {run.point.name}, " if run.point.name else ""
-            failures.append(f"{point}fold {fold}, seed {seed}: {words}")
-            return
-        run.finish(result)
-        if run.report is not None:
-            pool.forget(run.point.name)
-        progress(run, result)
-
-    def take_those_there() -> None:
-        while not landed.empty():
-            take(*landed.get())
+    def take(wait: bool = False) -> None:
+        for task, result, error in batch.landed(wait):
+            run, fold, seed = task.name
+            if error is not None:
+                if (words := sentence(error)) is None:
+                    raise error
+                point = f"point {run.point.name}, " if run.point.name else ""
+                failures.append(f"{point}fold {fold}, seed {seed}: {words}")
+                continue
+            shared = run.shared
+            run.finish(result)
+            if run.shared is None:
+                pool.forget(shared.name)
+            progress(run, result)
 
     for seed, run, fold in itertools.product(range(runs[0].seeds), runs, range(runs[0].folds)):
-        while flying >= pool.window:
-            take(*next_result(landed, pool))
+        while batch.full:
+            take(wait=True)
         if not run.ready and not failures:
             progress(run, None)
             try:
-                run.prepare(take_those_there)
+                run.prepare(take)
             except InputError as error:
                 failures.append(f"point {run.point.name}: {error}" if run.point.name else str(error))
             else:
@@ -222,11 +220,9 @@ def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell) -> 
         if failures:
             break
         if (fold, seed) not in run.done:
-            future = pool.submit(run_alone, run.point.experiment, fold, seed, run.folds, shared=run.shared)
-            flying += 1
-            future.add_done_callback(lambda done, cell=(run, fold, seed): landed.put((*cell, done)))
-    while flying:
-        take(*next_result(landed, pool))
+            batch.start(run.task(fold, seed))
+    while batch.flying:
+        take(wait=True)
     if failures:
         others = f" ({len(failures) - 1} more failed)" if len(failures) > 1 else ""
         raise InputError(f"{failures[0]}{others}")
@@ -236,31 +232,30 @@ def cross_validate(
     experiment: Experiment,
     folder: Path,
     *,
+    pool: Pool,
     folds: int = 6,
     seeds: int = 3,
-    workers: int | None = 1,
     data: ScanData | None = None,
     progress: Callable[[dict[str, Any]], object] | None = None,
 ) -> dict[str, Any]:
-    """Run the missing trainings of one sweep point, and write ``result.json``; return its content.
+    """Run all missing cells, and write ``result.json``; return its content.
 
-    Raise InputError if the folder contains cells of another experiment.
-
-    - ``folder``: receives a file per fold and seed, and the report.
+    - ``folder``: receives the report, and the store of the cells.
+    - ``pool``: without effect on the result.
     - ``folds``, ``seeds``: seeds are 0 .. seeds - 1.
-    - ``workers``: processes of one thread each, by default as many as cores; the result does not depend on it.
     - ``data``: the scans of the experiment, if they are there already.
     - ``progress``: called with every cell, including existing ones.
     """
-    run = PointRun(SweepPoint("", experiment, data), folder, folds, seeds)
+    folder.mkdir(parents=True, exist_ok=True)
+    store = Store(folder / "result.json", version(NEEDS))
+    run = PointRun(SweepPoint("", experiment, data), folder, folds, seeds, store)
 
     def show(_: PointRun, result: dict[str, Any] | None) -> None:
         if progress is not None:
             for cell in [result] if result is not None else run.done.values():
                 progress(cell)
 
-    with Local(workers) as pool:
-        run_points([run], pool, show)
+    run_points([run], pool, show)
     assert run.report is not None
     return run.report
 
@@ -269,7 +264,7 @@ def sweep(
     points: Sequence[SweepPoint],
     folder: Path,
     *,
-    pool: WorkerPool,
+    pool: Pool,
     folds: int = 6,
     seeds: int = 3,
     command: str | None = None,
@@ -277,18 +272,19 @@ def sweep(
 ) -> list[Point]:
     """Cross-validate every sweep point in a folder of its own, and write ``sweep.json``; return the summaries.
 
-    Raise InputError as ``run_points``, and if a folder contains cells of another experiment.
+    Raise InputError as ``run_points``.
 
-    - ``folder``: takes ``POINT/fold-F-seed-S.json``, ``POINT/result.json`` and ``sweep.json``, which is up to date
-      after every cell.
+    - ``folder``: takes ``POINT/result.json``, the store of the cells, and ``sweep.json``, which is up to date after
+      every cell.
     - ``pool``, ``progress``: as for ``run_points``.
     - ``command``: stored in ``sweep.json``.
     """
     names = [point.name for point in points]
     if twice := [name for name in names if names.count(name) > 1]:
         raise InputError(f"point {twice[0]} is given twice; leave one out")
-    runs = [PointRun(point, folder / point.name, folds, seeds) for point in points]
-    check_file(folder / "sweep.json")
+    folder.mkdir(parents=True, exist_ok=True)
+    store = Store(folder / "sweep.json", version(NEEDS))
+    runs = [PointRun(point, folder / point.name, folds, seeds, store) for point in points]
 
     def note(run: PointRun, result: dict[str, Any] | None) -> None:
         if run.ready:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.base.files import forget_stale_kernels, keep_line, kept_lines, read_arrays, read_bytes, read_json
+from eskin.base.files import forget_stale_kernels, read_arrays, read_bytes, read_json
 
 
 @pytest.mark.parametrize(
@@ -33,16 +33,6 @@ def test_a_file_that_is_not_what_it_should_be_gets_one_sentence(tmp_path, monkey
 def test_a_json_file_is_read_as_written(tmp_path):
     (tmp_path / "a.json").write_text('{"a": [1, 2.5, null]}')
     assert read_json(tmp_path / "a.json", "the sweep", dict) == {"a": [1, 2.5, None]}
-
-
-@pytest.mark.parametrize("whole", ['{"a": 1}', '{"a": 1}\n'])
-def test_a_line_of_a_log_is_whole_or_left_out(tmp_path, whole):
-    log = tmp_path / "log.jsonl"
-    assert list(kept_lines(log)) == []
-    for cut in range(len(whole)):
-        log.write_text(whole[:cut])
-        keep_line(log, [cut])
-        assert list(kept_lines(log)) == ([{"a": 1}] if whole[:cut].endswith("}") else []) + [[cut]]
 
 
 def test_a_device_that_never_ends_is_no_json() -> None:

@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.base.files import Pieces, pieces_of
 from eskin.base.shapes import misfit, read_shaped
 
 
@@ -33,17 +32,3 @@ def test_numbers_are_counts_where_whole_ones_belong(tmp_path: Path) -> None:
     (tmp_path / "a.json").write_text('{"runs": null}')
     with pytest.raises(InputError, match=r"^the sums .*a.json is damaged: runs is null; remove it$"):
         read_shaped(tmp_path / "a.json", "the sums", {"runs": int})
-
-
-@pytest.mark.parametrize("damage", ["null", "[]", '{"name": 3}', '{"code": "1"}', '{"name": "a", "co', ""])
-def test_a_damaged_piece_is_computed_anew(tmp_path: Path, damage: str) -> None:
-    pieces = Pieces(tmp_path / "r.json", "1")
-    pieces.of("a", lambda: {"seconds": 3})
-    pieces.of("b", lambda: {"seconds": 4})
-    kept = pieces_of(tmp_path / "r.json")
-    _, second = kept.read_text().splitlines()
-    kept.write_text(f"{damage}\n{second}\n")
-    again = Pieces(tmp_path / "r.json", "1")
-    assert again.known("a") is None
-    assert again.known("b") == {"name": "b", "code": "1", "seconds": 4}
-    assert Pieces(tmp_path / "r.json", "2").known("b") is None

@@ -2,14 +2,18 @@
 
 import os
 import signal
+import time
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import distributed
 import numpy as np
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.base.workers.pool import Local, Shared, each
+from eskin.base.workers.engine import Cluster, Local, Needs, Shared, each
+from eskin.base.workers.store import Store
 
 
 def scaled(values: np.ndarray, factor: float, number: int) -> np.ndarray:
@@ -59,3 +63,31 @@ def test_a_process_that_dies_costs_nothing_but_time(tmp_path: Path) -> None:
 def test_work_that_always_kills_its_process_is_given_up_with_a_sentence() -> None:
     with pytest.raises(InputError, match=r"^a worker process died, .*; use fewer --workers$"), Local(2) as pool:
         list(each(pool, die, [(1,)]))
+
+
+def note(values: list[int], folder: Path, number: int) -> list[int]:
+    """Write that a task began, and return a result that JSON can hold."""
+    with (folder / "began").open("a") as file:
+        file.write(f"{number}\n")
+    time.sleep(0.05)  # both runs ask for it meanwhile
+    return [values[number], number]
+
+
+def test_two_runs_on_a_cluster_compute_equal_tasks_once(tmp_path: Path) -> None:
+    needs, shared = Needs(("base",), ("dask",)), Shared.of("digest of the values", [5, 6, 7])
+    options: dict[str, Any] = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": ":0"}
+    with distributed.LocalCluster(host="127.0.0.1", protocol="tcp", **options) as cluster, ExitStack() as stack:
+        pools = [stack.enter_context(Cluster(cluster.scheduler_address, needs)) for _ in range(2)]
+        jobs = [(tmp_path, number) for number in range(3)]
+        stores = [Store(tmp_path / "found.json", "1") for _ in pools]
+        runs = [
+            each(pool, note, jobs, shared, store, name=lambda _, number: str(number))
+            for pool, store in zip(pools, stores, strict=True)
+        ]
+        assert [found for pair in zip(*runs, strict=True) for found in pair] == [[5, 0]] * 2 + [[6, 1]] * 2 + [
+            [7, 2]
+        ] * 2
+        assert sorted((tmp_path / "began").read_text().split()) == ["0", "1", "2"]
+        again = each(pools[0], note, jobs, shared)  # without a store a task has no key
+        assert list(again) == [[5, 0], [6, 1], [7, 2]]
+    assert len((tmp_path / "began").read_text().split()) == 6

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import json
 import os
 import shutil
 import stat
@@ -21,9 +20,9 @@ import numpy as np
 from hypothesis import strategies as st
 
 from eskin.base.errors import InputError
-from eskin.base.files import Pieces, atomic_write, pieces_of
+from eskin.base.files import atomic_write
 from eskin.base.outputs import check_folder, file_of
-from eskin.base.shapes import misfit
+from eskin.base.workers.store import Store, store_of
 from eskin.board.config import BoardConfig
 from eskin.board.journal import SUFFIX, Journal, convert
 from eskin.board.link import Link
@@ -36,8 +35,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.recordings.folder import sources_of
 from eskin.skin.samples import SIGNAL_SUFFIXES
-from eskin.verify.soak import TOTALS, Plan, soak
-from tests.fuzz.cases import FILES, _cut, _flipped, _other_value, damaged, hostile_commands
+from tests.fuzz.cases import FILES, _cut, _flipped, damaged, hostile_commands
 from tests.fuzz.corpus import LIBERTY
 from tests.fuzz.run import checked
 
@@ -197,33 +195,24 @@ def boards(draw: Draw, root: Path) -> None:
 
 def state(draw: Draw, root: Path) -> None:
     """Damage a stored result of a campaign, and continue the campaign."""
-    kind = draw(st.sampled_from(["soak", "pieces", "journal"]))
     folder = root / "kept"
     folder.mkdir(exist_ok=True)
-    if kind == "journal":
+    if draw(st.booleans()):
         _damaged_journal(draw, root / "rec.npz.part")
-        return
-    if kind == "pieces":
-        _damaged_pieces(draw, folder / "r.json")
-        return
-    totals = soak(Plan(0, 0, 1, "icarus"), str)
-    good = json.dumps(totals | {"by": {name: dict(counts) for name, counts in totals["by"].items()}}).encode()
-    content = draw(st.sampled_from([_cut, _flipped, _other_value, _other_value, _other_value]))(draw, good)
-    path = folder / "soak.json"
-    path.write_bytes(content)
-    assert misfit(soak(Plan(0, 0, 1, "icarus", path), str), TOTALS) == ""
+    else:
+        _damaged_store(draw, folder / "r.json")
 
 
-def _damaged_pieces(draw: Draw, out: Path) -> None:
-    kept = pieces_of(out)
+def _damaged_store(draw: Draw, out: Path) -> None:
+    kept = store_of(out)
     kept.unlink(missing_ok=True)
-    pieces = Pieces(out, "1")
-    good = {name: pieces.add(name, {"seconds": number}) for number, name in enumerate("abc")}
+    first = Store(out, "1")
+    good = {name: first.add(name, {"seconds": number}) for number, name in enumerate("abc")}
     kept.write_bytes(draw(st.sampled_from([_cut, _flipped]))(draw, kept.read_bytes()))
-    again = Pieces(out, "1")
-    for name, piece in good.items():
-        assert again.known(name) in (None, piece), "a damaged piece was believed"
-    assert again.of("d", lambda: {"seconds": 9})["seconds"] == 9
+    again = Store(out, "1")
+    for name, result in good.items():
+        assert name not in again or again[name] == result, "a damaged result was believed"
+    assert again.of("d", lambda: {"seconds": 9}) == {"seconds": 9}
 
 
 def _damaged_journal(draw: Draw, part: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from eskin.base.errors import InputError
-from eskin.base.workers.pool import Local
+from eskin.base.workers.engine import Local
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.taxel import encode

@@ -259,9 +259,9 @@ def test_fig8_and_sweep_take_own_recordings(
         ("frame-17.5-8", "frame", 8, None),
     ]
     assert points[2]["data_rate_bps"] == 17.5 * 4 * 8
-    cell = json.loads(Path("out/sweep/frame-17.5-8/fold-1-seed-0.json").read_text())
+    cell = json.loads(Path("out/sweep/frame-17.5-8/result.json").read_text())["cells"][1]
     images = load_recordings(next(Path("out/recordings").iterdir()), BinConfig()).names
-    assert [images[k] for k in cell["result"]["test_images"]] == [f"{kind}/{k}" for kind in TOUCHES for k in (3, 4, 5)]
+    assert [images[k] for k in cell["test_images"]] == [f"{kind}/{k}" for kind in TOUCHES for k in (3, 4, 5)]
     _, error = eskin(*sweep, *tests, "--test", "tap/*", "-o", "other", code=2)
     assert "tap/0 fits 2 of the patterns of --test" in error
     assert "--data skin" in load_sweep(Path("out/sweep")).command

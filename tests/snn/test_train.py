@@ -20,6 +20,7 @@ from eskin.app.commands.learn.options import build_experiment
 from eskin.app.options import LEAKY
 from eskin.base.errors import InputError
 from eskin.base.files import write_json
+from eskin.base.workers.engine import Local
 from eskin.model.config import ReadoutConfig
 from eskin.skin.textures.dataset import embedded_dataset
 from eskin.skin.textures.physical import PhysicalScan
@@ -31,7 +32,7 @@ from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.frames import frame_dataset
 from eskin.snn.data.record import record_dataset
 from eskin.snn.data.scans import ScanData, Split
-from eskin.snn.experiments.crossval import check_same, run_cell, summarise
+from eskin.snn.experiments.crossval import run_cell, summarise
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.intervals import bootstrap, wilson
 from eskin.snn.experiments.recipes import RECIPES
@@ -381,20 +382,19 @@ def test_a_float_that_json_has_not_comes_back(tmp_path: Path) -> None:
     assert "Infinity" not in text
     found = json.loads(text)["experiment"]
     assert Experiment.from_dict(found) == experiment
-    check_same(tmp_path / "a.json", found, experiment.to_dict())
 
 
 def test_too_few_images_or_folds_are_refused_before_any_training(tmp_path: Path) -> None:
     experiment = Experiment(network={"hidden": 16}, train=TrainConfig(epochs=1))
     for folds in (1, 0, -1):
         with pytest.raises(InputError, match=f"^folds must be at least 2, not {folds}$"):
-            cross_validate(experiment, tmp_path / "a", folds=folds, data=easy_data())
+            cross_validate(experiment, tmp_path / "a", pool=Local(1), folds=folds, data=easy_data())
     message = (
         "^inner validation needs 5 training images of each class, but fold 0 leaves 4 of brick; use more images or "
     )
     with pytest.raises(InputError, match=message):
-        cross_validate(experiment, tmp_path / "b", folds=3, data=easy_data(18))
-    cross_validate(experiment, tmp_path / "c", folds=3, seeds=1, data=easy_data(24))
+        cross_validate(experiment, tmp_path / "b", pool=Local(1), folds=3, data=easy_data(18))
+    cross_validate(experiment, tmp_path / "c", pool=Local(1), folds=3, seeds=1, data=easy_data(24))
 
 
 def test_a_grid_is_chosen_by_inner_validation_in_each_cell_and_counts_for_both_readings() -> None:

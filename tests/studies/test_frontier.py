@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.base.files import Pieces, plain
+from eskin.base.files import plain
+from eskin.base.workers.engine import Local
+from eskin.base.workers.store import Store
 from eskin.skin.textures.choice import choose
 from eskin.snn.batched_training import train_together
 from eskin.snn.data.folds import stratified_folds
@@ -21,7 +23,18 @@ from eskin.snn.experiments.points import load_sweep
 from eskin.snn.network_config import NetworkConfig
 from eskin.snn.train import logits_of, train
 from studies import fig9, frontier
-from studies.frontier import SWEEPS, TITLES, Frontier, Point, draw_frontier, frame_candidates, frontier_data, points_of
+from studies.frontier import (
+    SWEEPS,
+    TITLES,
+    Frontier,
+    Point,
+    cells_of,
+    draw_frontier,
+    frame_candidates,
+    frontier_data,
+    inner_cells,
+    points_of,
+)
 
 SMALL = {"leaky": {"recipe": "tuned", "hidden": 8}, "convolutions": {"recipe": "cnn", "hidden": 8}}
 
@@ -66,27 +79,35 @@ def test_a_run_goes_on_and_inner_validation_sees_no_test_image(tmp_path: Path, m
     monkeypatch.setattr(frontier, "NETWORKS", {"physical": SMALL})
     monkeypatch.setattr(frontier, "SCANS", {"physical": {"start_rows": 2, "epochs": 1}})
     point, steps = Point("physical", "leaky", "lcs:3", "across:2"), []
-    first = Frontier(Pieces(tmp_path / "frontier.json", ""), "embedded").point(point, 1, lambda: steps.append(0))
+
+    def run(seeds: int) -> dict[str, Any]:
+        made = Frontier(Store(tmp_path / "frontier.json", ""), Local(1), "embedded")
+        made.train(cells_of(point, seeds), lambda: steps.append(0))
+        return made.point(point, seeds)
+
+    first = run(1)
     assert len(steps) == 6
     monkeypatch.setattr(frontier, "train_cells", None)
-    run = Frontier(Pieces(tmp_path / "frontier.json", ""), "embedded")
-    assert run.point(point, 1, lambda: None) == first
+    assert run(1) == first
+    assert len(steps) == 12
     assert first["taxels"] == [0, 56]
     assert first["bits_per_s"] == 2 * first["rate_hz"]
     assert "latency" not in first, "its threshold needs inner validation"
     assert first["accuracy"] == np.mean([a == b for a, b in zip(first["predictions"][0], first["labels"], strict=True)])
     with pytest.raises(TypeError):
-        run.point(point, 2, lambda: None)
+        run(2)
     monkeypatch.undo()
 
-    def spy(_: Experiment, data: Any, trainings: Any, inner: bool, device: str) -> list[dict[str, Any]]:
+    def spy(data: Any, _: Experiment, trainings: Any, inner: bool, device: str) -> list[dict[str, Any]]:
         assert inner
         assert {seed for _, seed in trainings} == {0}
         return [{"labels": [fold], "predicted": [fold if fold else 9], "scans": len(data)} for fold, _ in trainings]
 
     monkeypatch.setattr(frontier, "train_cells", spy)
     monkeypatch.setattr(frontier, "SCANS", {"physical": {"start_rows": 1, "epochs": 1}})
-    assert run.inner(point, 2, lambda: None)["accuracy"] == 0.5
+    made = Frontier(Store(None, ""), Local(1), "embedded")
+    made.train(inner_cells(point), lambda: None)
+    assert made.inner(point, 2)["accuracy"] == 0.5
 
 
 def test_inner_validation_is_of_training_images(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -105,7 +126,7 @@ def test_inner_validation_is_of_training_images(monkeypatch: pytest.MonkeyPatch)
     data = type("Data", (), {"image_labels": labels})()
     for inner in (False, True):
         with pytest.raises(Stop):
-            frontier.train_cells(experiment, data, [(2, 0)], inner, "cpu")  # type: ignore[arg-type]
+            frontier.train_cells(data, experiment, [(2, 0)], inner, "cpu")  # type: ignore[arg-type]
     test = set(stratified_folds(labels, 6, 0)[2].tolist())
     assert set(seen[0].learned) == set(range(36)) - test
     assert set(seen[1].learned) < set(seen[0].learned)
@@ -146,10 +167,13 @@ def measured(inner: Callable[[Point, int], dict[str, Any]]) -> tuple[list[dict[s
     class Run:
         chosen = Frontier.chosen
 
-        def inner(self, point: Point, folds: int, step: Any) -> dict[str, Any]:
+        def train(self, *_: Any) -> None:
+            pass
+
+        def inner(self, point: Point, folds: int) -> dict[str, Any]:
             return inner(point, folds)
 
-        def point(self, point: Point, seeds: int, step: Any) -> dict[str, Any]:
+        def point(self, point: Point, seeds: int) -> dict[str, Any]:
             return {"name": point.name, "seeds": seeds}
 
     return frontier.measured(Run(), lambda: None)  # type: ignore[arg-type]

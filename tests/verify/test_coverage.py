@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from eskin.base.workers.engine import Local
 from eskin.cocotb_tests.runner import build_cache as store
 from eskin.verify.coverage import plan, stimuli
 from eskin.verify.coverage.constructs import Construct, files, named, read
@@ -125,7 +126,7 @@ def test_a_dead_line_and_a_stimulus_that_is_missing_are_reported(
     monkeypatch.setattr("eskin.verify.coverage.run.verilog_text", lambda config: text.replace(DEAD, PLANTED + DEAD))
     monkeypatch.setattr(stimuli, "LONG", [])
     monkeypatch.setattr(stimuli, "SIGNALS", ("rare",))
-    reached = play([Run("tiny", TINY, stimuli.readout)], tmp_path, lambda *_: None)
+    reached = play([Run("tiny", TINY, stimuli.readout)], tmp_path, Local(1))
     problems = judge(reached, waivers(), whole=False).problems
     dead = Counter(problem.split()[6] for problem in problems if "dead" in problem)
     assert dead == {"branch": 1, "condition": 1, "toggle": 2}
@@ -140,7 +141,7 @@ def test_coverage_reuses_cached_runs_and_ends_with_its_summary_line(call: Any, m
 
     monkeypatch.setattr(plan, "runs", lambda: [Run("nothing", TINY, plays, small=True)])
     for _ in range(2):
-        code, out, _ = call("dev coverage --small --out .")
+        code, out, _ = call("dev coverage --small --workers 1 --out .")
         assert code == 0
         last = "coverage: 0 of 0 lines, 0 of 0 branches, 0 of 0 conditions, 0 of 0 toggles, 0 of 0 points (0 waived)"
         assert out.splitlines()[-1] == last
@@ -149,7 +150,7 @@ def test_coverage_reuses_cached_runs_and_ends_with_its_summary_line(call: Any, m
 
 @pytest.mark.parametrize("run", [run for run in runs() if run.small], ids=lambda run: run.name)
 def test_small_runs_reach_all_that_is_not_explained(run: Run, tmp_path: Path) -> None:
-    reached = play([run], tmp_path, lambda *_: None)
+    reached = play([run], tmp_path, Local(1))
     assert len(reached.of("toggle")) > 200
     assert len(reached.of("point")) > 30
     assert judge(reached, waivers(), whole=False).problems == []

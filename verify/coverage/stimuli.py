@@ -1,7 +1,8 @@
 """Stimuli of the coverage runs: co-simulation testbenches with additional rare cases."""
 
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -125,12 +126,12 @@ def host(config: ReadoutConfig, folder: Path) -> None:
 
 def alone(top: str, steps: Steps, *seeds: int) -> Callable[[Any, Path], None]:
     """Return a function that compares one block with its model, with several seeds."""
+    return partial(_play_block, top, steps, seeds)  # which, unlike a nested function, another process can take
 
-    def play_block(config: Any, folder: Path) -> None:
-        for seed in seeds:
-            play_steps(getattr(config, "skin", config), VERILATOR, top, steps, folder, seed)
 
-    return play_block
+def _play_block(top: str, steps: Steps, seeds: Sequence[int], config: Any, folder: Path) -> None:
+    for seed in seeds:
+        play_steps(getattr(config, "skin", config), VERILATOR, top, steps, folder, seed)
 
 
 def frame(config: FrameConfig, folder: Path) -> None:

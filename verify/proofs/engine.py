@@ -6,7 +6,7 @@ ABC, a part of the pinned Yosys, does both; it looks at the design as gates, an 
 import re
 import time
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Self
 
 from eskin.rtl import yosys
@@ -39,6 +39,15 @@ class Verdict:
     reached: dict[str, int]  # properties whose case can happen, and the first clock in which it does
     depth: int  # clocks of the bounded search
     seconds: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the verdict as JSON."""
+        return asdict(self) | {"proved": sorted(self.proved)}
+
+    @classmethod
+    def from_dict(cls, fields: Mapping[str, Any]) -> Self:
+        """Return the verdict for its JSON."""
+        return cls(**dict(fields) | {"proved": frozenset(fields["proved"])})
 
     @classmethod
     def of(cls, found: Mapping[tuple[str, str], int], depth: int, started: float, proved: Iterable[str] = ()) -> Self:

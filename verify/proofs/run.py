@@ -2,20 +2,25 @@
 
 import hashlib
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from eskin.base.files import Pieces, origin, write_json
+from eskin.base.files import origin, write_json
 from eskin.base.outputs import has_earlier
 from eskin.base.shapes import read_shaped
+from eskin.base.workers.engine import Needs, Pool, each
+from eskin.base.workers.store import Store
 from eskin.rtl import yosys
 from eskin.verify.proofs.bench import design
 from eskin.verify.proofs.engine import Verdict, solve
 from eskin.verify.proofs.mutants import mutants
 from eskin.verify.proofs.plan import Proof
+
+NEEDS = Needs(("base", "model", "rtl", "verify"), ("amaranth", yosys.PACKAGE))
+"""Packages and libraries that must be equal on all workers of a cluster."""
 
 YOSYS = version(yosys.PACKAGE)
 """Version of Yosys, which runs the proofs and generates the mutants."""
@@ -132,22 +137,49 @@ def fingerprint(proof: Proof) -> str:
     return hashlib.sha256(design(proof.checker(proof.config))[0].encode()).hexdigest()[:16]
 
 
-def hunts(block: str, proofs: Iterable[Proof], pieces: Pieces) -> Iterator[MutantRun]:
-    """Generate and test mutants in every configuration of a block.
+def prove(proof: Proof, limit_s: int) -> dict[str, Any]:
+    """Return the verdict of the solvers on a proof in a form that JSON can hold."""
+    return solve(proof.checker(proof.config), proof.depth, limit_s).to_dict()
 
-    What ``pieces`` hold of the same design is taken from there.
+
+def verdicts(
+    proofs: Sequence[Proof], limit_s: int, pool: Pool, store: Store | None = None
+) -> Iterator[tuple[Proof, Verdict]]:
+    """Yield every proof with its verdict, in order; verdicts on equal designs are taken from the store."""
+
+    def name(proof: Proof, limit_s: int) -> str:
+        return f"proof {proof.block} {proof.depth} {limit_s} {fingerprint(proof)}"
+
+    found = each(pool, prove, ((proof, limit_s) for proof in proofs), store=store, name=name)
+    for proof, fields in zip(proofs, found, strict=True):
+        yield proof, Verdict.from_dict(fields)
+
+
+def hunts(proofs: Sequence[Proof], pool: Pool, store: Store | None = None) -> Iterator[MutantRun]:
+    """Generate and test mutants of the proofs that hunt, in rounds, until each property fails for enough mutants.
+
+    Results on equal designs are taken from the store.
     """
-    proofs_to_mutate = [proof for proof in proofs if proof.block == block and proof.hunts]
-    count: Counter[str] = Counter()
+
+    def name(proof: Proof, seed: int) -> str:
+        return f"mutants {proof.block} {proof.size} {proof.depth} {seed} {fingerprint(proof)}"
+
+    count: Counter[tuple[str, str]] = Counter()
     for seed in range(MAX_DRAWS):
-        for proof in proofs_to_mutate:
-            names = proof.checker(proof.config).proved
-            if seed and all(count[name] >= FEWEST_MUTANTS for name in names):
-                continue
-            name = f"{proof.block} {proof.size} {proof.depth} {seed} {fingerprint(proof)}"
-            found = MutantRun(**pieces.of(name, lambda p=proof, s=seed: {"hunt": asdict(hunt(p, s))})["hunt"])  # type: ignore[misc]
-            count.update(name for failed in found.mutants.values() for name in failed)
+        wanting = [
+            (proof, seed)
+            for proof in proofs
+            if proof.hunts
+            and any(count[proof.block, name] < FEWEST_MUTANTS for name in proof.checker(proof.config).proved)
+        ]
+        for fields in each(pool, _hunt, wanting, store=store, name=name):
+            found = MutantRun(**fields)
+            count.update((found.block, name) for failed in found.mutants.values() for name in failed)
             yield found
+
+
+def _hunt(proof: Proof, seed: int) -> dict[str, Any]:
+    return asdict(hunt(proof, seed))
 
 
 def judge(results: list[Outcome], found: Iterable[MutantRun]) -> None:

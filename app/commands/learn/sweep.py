@@ -15,6 +15,7 @@ from eskin.app.options import LEAKY, command, opt, out_folder
 from eskin.app.tables import print_table
 from eskin.base.errors import InputError
 from eskin.base.progress import progress_of, watched
+from eskin.base.workers.engine import open_pool
 from eskin.snn.data.frame_steps import FRAMES, FrameKind, FrameSteps
 from eskin.snn.experiments.recipes import BASELINES
 
@@ -74,13 +75,12 @@ def sweep(
     made = [_point(readout, number, options) for readout, number in chosen]
     made += [_recorded_point(folder, options) for folder in events or ()]
     _tell_idle(made, options["settings"])
-    from eskin.base.workers.cluster import Needs
+    from eskin.snn.experiments.sweep import NEEDS
     from eskin.snn.experiments.sweep import sweep as run
 
-    needs = Needs(("base", "model", "skin", "snn"), ("torch", "numpy"))
     with (
         common.resumable(out),
-        common.open_pool(workers, scheduler, needs) as pool,
+        open_pool(workers, scheduler, NEEDS) as pool,
         _cell_bar(len(made) * folds * seeds) as show,
     ):
         found = run(made, out, pool=pool, folds=folds, seeds=seeds, command=command_line(), progress=show)
@@ -170,4 +170,4 @@ def _cell_bar(total: int) -> Iterator[Any]:
 
 
 def _state(run: PointRun) -> str:
-    return f"{len(run.done)} of {len(run.paths)} trainings done, accuracy so far {run.accuracy:.1%}"
+    return f"{len(run.done)} of {len(run.cells)} trainings done, accuracy so far {run.accuracy:.1%}"

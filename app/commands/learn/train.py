@@ -13,11 +13,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eskin.app.cli import echo, printable
+from eskin.app.commands import common
 from eskin.app.commands.learn.options import Folds, Seeds, Workers, check_device, output_folder, with_experiment
 from eskin.app.commands.signals.recordings import scale_text
 from eskin.app.options import command, opt, out_folder
 from eskin.base.errors import InputError
 from eskin.base.progress import SILENCE_S, bar, progress_of, watched
+from eskin.base.workers.engine import open_pool
 
 if TYPE_CHECKING:
     from eskin.snn.data.scans import ScanData
@@ -191,7 +193,8 @@ def crossval(
     folds: Folds = 6,
     seeds: Seeds = 3,
     workers: Workers = None,
-    out: Path = out_folder(Path("out/crossval"), "DIR", "folder for a file per fold and seed, and the report"),
+    scheduler: common.Scheduler = None,
+    out: Path = out_folder(Path("out/crossval"), "DIR", "folder for the report, and the results so far"),
 ) -> None:
     """Cross-validate a network over all folds and several seeds.
 
@@ -202,12 +205,10 @@ def crossval(
     output_folder(out, "result.json")
     with bar("recording scans") as step:
         data = made.data(step)
-    from eskin.snn.experiments.sweep import cross_validate
+    from eskin.snn.experiments.sweep import NEEDS, cross_validate
 
-    with bar("cells", folds * seeds) as step:
-        report = cross_validate(
-            made, out, folds=folds, seeds=seeds, workers=workers, data=data, progress=lambda _: step()
-        )
+    with common.resumable(out), open_pool(workers, scheduler, NEEDS) as pool, bar("cells", folds * seeds) as step:
+        report = cross_validate(made, out, pool=pool, folds=folds, seeds=seeds, data=data, progress=lambda _: step())
     for reading, words in (("last", "last epoch"), ("selected", "epoch selected by inner validation")):
         found = report[reading]
         low, high = found["bootstrap_95"]

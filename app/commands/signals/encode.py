@@ -26,6 +26,7 @@ from eskin.app.tables import new_table, show
 from eskin.base.errors import InputError
 from eskin.base.figures.style import check_picture_path
 from eskin.base.progress import bar
+from eskin.base.workers.engine import open_pool
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.compare import count_per_taxel, covering_config, first_difference
 from eskin.model.events.recording import Recording, check_event_path
@@ -37,7 +38,7 @@ from eskin.skin.recordings.quality import decode_recording, names_and_start
 from eskin.skin.samples import check_samples_path, write_samples
 
 if TYPE_CHECKING:
-    from eskin.base.workers.pool import WorkerPool
+    from eskin.base.workers.engine import Pool
 
 _MAX_LINES = 32  # differing taxels that compare lists
 
@@ -79,7 +80,7 @@ def encode(
         own["--model functional"] = None if model == "cycle" else model
         if unused := [option for option, value in own.items() if value is not None]:
             raise InputError(f"{unused[0]} is for a single input; a folder gives each recording its name and class")
-        with common.open_pool(workers, scheduler, threads=True) as pool:
+        with open_pool(workers, scheduler, threads=True) as pool:
             _encode_folder(source, out, preparation_of(source, config, prepared), config, given, pool)
         return
     of_folders = {"--scheduler": scheduler, "--workers": workers, "--strict": prepared.get("strict")}
@@ -118,7 +119,7 @@ def encode(
 
 
 def _encode_folder(
-    source: Path, out: Path, options: Preparation, config: ReadoutConfig, given: frozenset[str], pool: WorkerPool
+    source: Path, out: Path, options: Preparation, config: ReadoutConfig, given: frozenset[str], pool: Pool
 ) -> None:
     """Write an event file for every recording in class folders, and print the quality of the events."""
     from eskin.skin.recordings.folder import read_set, write_folder

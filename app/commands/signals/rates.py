@@ -6,6 +6,7 @@ from eskin.app.commands import common
 from eskin.app.options import check_leaks, command, opt, with_config, with_fields
 from eskin.app.tables import CELLS, filled, print_report, print_table, show_facts
 from eskin.base.progress import bar
+from eskin.base.workers.engine import open_pool
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.frame_config import FrameConfig
@@ -37,7 +38,7 @@ def rates(
     config = scan.configure(config, tau)
     textures = open_dataset(dataset).limit(limit)
     with (
-        common.open_pool(workers, scheduler, threads=True) as pool,
+        open_pool(workers, scheduler, threads=True) as pool,
         bar("scanning textures", len(textures)) as progress,
     ):
         result = measure_rates(textures, scan, config, start_row or [0.0], pool, progress)
@@ -90,7 +91,7 @@ def frames(
         tau = PAPER_TAU_S
     textures = open_dataset(dataset).limit(limit)
     scans = len(registry.NAMES) * len(textures)
-    with common.open_pool(workers, scheduler, threads=True) as pool, bar("scanning textures", scans) as progress:
+    with open_pool(workers, scheduler, threads=True) as pool, bar("scanning textures", scans) as progress:
         report = compare_traffic(textures, scan, config, frame, tau, pool, progress)
     print_report(report, as_json, _print_traffic)
 

@@ -90,7 +90,7 @@ def events_of(
 
     ``flat`` takes recordings without a class too: a file, or a folder of files. ``fit`` as in ``kept_events``.
     """
-    from eskin.base.workers.pool import Local
+    from eskin.base.workers.engine import Local
     from eskin.skin.recordings.event_files import kept_events
 
     splits = preparation(prepared).splits

@@ -15,6 +15,7 @@ from eskin.base.files import origin, write_json
 from eskin.base.outputs import has_earlier
 from eskin.base.progress import bars, reported
 from eskin.base.shapes import read_shaped
+from eskin.base.workers.engine import open_pool
 from eskin.model.config import ReadoutConfig
 from eskin.skin.textures.dataset import EMBEDDED
 
@@ -65,7 +66,7 @@ def replay(
     from eskin.cocotb_tests.runner.simulator import require_programs
 
     check_alone(data, prepared, {"--dataset": dataset, "--preset": preset, "--start-row": start_row})
-    with common.open_pool(workers, scheduler, session.NEEDS, threads=True) as pool, bars() as show:
+    with open_pool(workers, scheduler, session.NEEDS, threads=True) as pool, bars() as show:
         if data is not None:
             require_programs("verilator")
             material = Own(own_recordings(data, prepared, config, given), data)
@@ -135,7 +136,7 @@ def touch(
     folders = {name.split("/")[0] for name in plan.material.names if "/" in name}
     if data is not None and (others := sorted(folders - set(known))):
         warn([f"the network has the classes {', '.join(known)}; it was not trained on {', '.join(others)}"])
-    with common.open_pool(workers, scheduler, replay.NEEDS, threads=True) as pool, bars() as show:
+    with open_pool(workers, scheduler, replay.NEEDS, threads=True) as pool, bars() as show:
         print("building the chip for Verilator", file=sys.stderr)
         with reported("building the chip"):
             missing = [name for name in plan.names if plan.finished(name) is None]

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from eskin.app.commands import common
 from eskin.app.options import command, opt, out_file
-from eskin.model.cases import values_of
-
-if TYPE_CHECKING:
-    from eskin.cocotb_tests.runner.process import Tally
+from eskin.base.workers.engine import open_pool
 
 
 @command(
@@ -18,16 +15,18 @@ if TYPE_CHECKING:
     needs="sim",
     fuzz="--sim good/nothing -o new",
     idle={
-        "--only": "--seed --hours --clocks --out",
+        "--only": "--seed --hours --clocks --workers --scheduler --out",
     },
 )
 def soak(
-    hours: float = opt(0.1, "hours after which no further run starts"),
-    seed: int = opt(0, "seed of the first runs; the next ones add 1"),
+    hours: float = opt(0.1, "hours after which no further seed starts"),
+    seed: int = opt(0, "first seed, which draws ten runs; the next seeds add 1"),
     clocks: int = opt(2_000_000, "largest number of clocks of a run"),
     simulator: str = opt("verilator", "--sim", "verilator or icarus"),
     only: str | None = opt(None, "RUN", "play one run, in JSON as a difference is printed"),
-    out: Path | None = out_file(None, "JSON file for the totals; a later soak of the same RTL adds its own"),
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
+    out: Path | None = out_file(None, "JSON file for the totals; a later soak of the same RTL continues"),
 ) -> None:
     """Compare RTL and model on random configurations for a given time; exit code 1 on a difference.
 
@@ -46,11 +45,14 @@ def soak(
         print(f"bit-exact: {tally.runs} runs, {tally.clocks} clocks, {tally.events} events, 0 mismatches")
         return
 
-    def tell(run: RandomRun, tally: Tally) -> None:
-        print(
-            f"{' '.join(values_of(run.config).values())}: {tally.clocks:,} clocks, {tally.events:,} events", flush=True
-        )
+    def tell(found: list[dict[str, Any]]) -> None:
+        for run in found:
+            print(f"{' '.join(run['values'].values())}: {run['clocks']:,} clocks, {run['events']:,} events", flush=True)
 
-    with common.failing_on(campaign.SoakFailed, line="MISMATCH"):
-        totals = campaign.soak(campaign.Plan(3600 * hours, seed, clocks, simulator, out), tell)  # type: ignore[arg-type]
+    plan = campaign.Plan(3600 * hours, seed, clocks, simulator, out)  # type: ignore[arg-type]
+    with (
+        common.failing_on(campaign.SoakFailed, line="MISMATCH"),
+        open_pool(workers, scheduler, campaign.NEEDS) as pool,
+    ):
+        totals = campaign.soak(plan, pool, tell)
     print(totals["result"])

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 from eskin.app.commands import common
 from eskin.app.options import LOGIC, command, opt, out_file, out_folder, with_config
 from eskin.base.errors import InputError
-from eskin.base.files import Pieces, atomic_write, origin, pieces_of, write_json
+from eskin.base.files import atomic_write, origin, write_json
+from eskin.base.workers.engine import open_pool
+from eskin.base.workers.store import Store
 from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:
@@ -25,35 +27,36 @@ def formal(
     small: bool = opt(False, "only one small configuration of each block"),
     mutants: bool = opt(False, "also check that every property fails for generated mutants"),
     limit: int = opt(300, "SECONDS", "time limit of one proof", min=1),
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
     out: Path | None = out_file(None, "file for the results, JSON"),
 ) -> None:
     """Prove the properties of every block by property-directed reachability.
 
-    The last line gives the number of proved properties. With --mutants and --out, a stopped search for mutants
-    continues. With --block, the file keeps its results for other blocks.
+    The last line gives the number of proved properties. With --out, a stopped run continues, and a later run proves
+    only what has changed. With --block, the file keeps its results for other blocks.
     """
     from eskin.verify.proofs import run
-    from eskin.verify.proofs.engine import solve
 
     chosen, verdicts = _chosen(block, small), []
     if block:
         run.earlier(out)  # damaged results are refused before the proofs
-    for proof in chosen:
-        verdicts.append((proof, solve(proof.checker(proof.config), proof.depth, limit)))
-        said = verdicts[-1][1]
-        print(f"{proof.block:<15}{proof.size:<28}{len(said.proved):>3} proved{said.seconds:>7.1f} s", flush=True)
+    store, found = Store(out, run.YOSYS), list[run.MutantRun]()
+    with open_pool(workers, scheduler, run.NEEDS) as pool:
+        for proof, said in run.verdicts(chosen, limit, pool, store):
+            print(f"{proof.block:<15}{proof.size:<28}{len(said.proved):>3} proved{said.seconds:>7.1f} s", flush=True)
+            verdicts.append((proof, said))
+        blocks = {proof.block for proof in chosen}
+        hunting = [proof for proof in _chosen("", small=False) if proof.block in blocks]
+        for one in run.hunts(hunting, pool, store) if mutants else ():
+            print(f"{one.block:<15}{one.size:<28}{one.killed:>3} of {len(one.mutants)} mutants killed", flush=True)
+            found.append(one)
     results = run.outcomes(verdicts, whole=not small)
-    pieces, found = Pieces(out, run.YOSYS), list[run.MutantRun]()
-    for name in sorted({proof.block for proof in chosen}) if mutants else []:
-        of_block = []
-        for one in run.hunts(name, _chosen(name, small=False), pieces):
-            print(f"{name:<15}{one.size:<28}{one.killed:>3} of {len(one.mutants)} mutants killed", flush=True)
-            of_block.append(one)
-        run.judge([outcome for outcome in results if outcome.block == name], of_block)
-        found += of_block
+    found.sort(key=lambda one: one.block)
+    for name in sorted(blocks) if mutants else ():
+        run.judge([outcome for outcome in results if outcome.block == name], [m for m in found if m.block == name])
     if out:
         run.write(results, found, out, common.make_line("formal", BLOCK=block, SMALL=small, MUTANTS=mutants), block)
-        pieces_of(out).unlink(missing_ok=True)
     for outcome in results:
         for problem in outcome.problems:
             print(f"{outcome.block}: {outcome.name}: {problem}")
@@ -67,6 +70,8 @@ def formal(
 def coverage(
     small: bool = opt(False, "run only a few simulations"),
     only: str = opt("", "run only simulations whose names begin with this text"),
+    workers: common.Workers = None,
+    scheduler: common.Scheduler = None,
     out: Path = out_folder(Path("out/coverage"), "folder for the results"),
 ) -> None:
     """Measure the coverage of Verilog and specification by simulations that are compared with the model.
@@ -74,7 +79,7 @@ def coverage(
     A stopped run continues with the missing simulations.
     """
     from eskin.verify.coverage.plan import runs
-    from eskin.verify.coverage.run import closing_line, judge, play, summary
+    from eskin.verify.coverage.run import NEEDS, closing_line, judge, play, summary
     from eskin.verify.coverage.waivers import waivers
 
     chosen = [run for run in runs() if (run.small or not small) and run.name.startswith(only)]
@@ -84,7 +89,8 @@ def coverage(
     def tell(name: str, total: int, hit: int) -> None:
         print(f"{name:<45}{hit:>6} of {total:<6} constructs", flush=True)
 
-    reached = play(chosen, out, tell)
+    with open_pool(workers, scheduler, NEEDS) as pool:
+        reached = play(chosen, out, pool, tell)
     verdict = judge(reached, waivers(), whole=not (small or only))
     command = common.make_line("coverage", SMALL=small, ONLY=only and repr(only))
     write_json(out / "coverage.json", origin(command) | summary(reached, verdict))
