@@ -40,7 +40,8 @@ class TaxelSteps:
         rng, config = self.rng, self.config
         # Set by registers, where there are any: as the configuration has it.
         host = {"step": 1, "leak_shift": config.leak_shift, "window_period": config.window_period}
-        yield Step(host | dict.fromkeys(("enable", "granted", "tick", "decay", "sample", "above", "below"), 0), {})
+        zero = ("enable", "granted", "tick", "ask", "decay", "sample", "above", "below")
+        yield Step(host | dict.fromkeys(zero, 0), {})
         for phase in range(PHASES):
             kind = KINDS[phase % len(KINDS)]
             samples, grants = rng.choice([1.0, 0.3, 0.1]), rng.choice([1.0, 1.0, 0.5, 0.1])
@@ -80,7 +81,7 @@ class TaxelSteps:
         if request is not None and config.has_polarity:
             outputs["polarity"] = request
         if config.frontend == "analog":
-            outputs["reference_code"] = taxel.reference_code()
+            outputs |= {"compare": taxel.strobe, "reference_code": taxel.reference_code()}
             if config.closes:
                 outputs["half_width"] = taxel.half_width()
         state = f"sample {taxel.sample}, reference {taxel.reference}, request {taxel.request}"
@@ -92,7 +93,9 @@ class TaxelSteps:
         # One decay tick per leak_period, at a phase that is not 0, as in a higher row.
         decay = self.tick and self.ticks % config.leak_period == 2 % config.leak_period
         inputs: dict[str, int] = {"rst": rst, "enable": enable, "granted": granted, "tick": self.tick, "decay": decay}
-        inputs |= {"sample_valid": sample is not None} | ({} if sample is None else {"sample": sample})
+        # A host may have the comparators asked at any time, if they count in every clock.
+        ask = sample is not None or (config.decide_every == "clock" and self.rng.random() < 0.02)
+        inputs |= {"sample_valid": sample is not None, "ask": ask} | ({} if sample is None else {"sample": sample})
         if rst and config.reset == "async":
             taxel.reset()
         decisions = None
@@ -105,8 +108,17 @@ class TaxelSteps:
             taxel.reset()
         else:
             digital = sample if config.frontend == "digital" else None
-            taxel.clock(enabled=enable, taken=granted, sample=digital, tick=self.tick, leak=decay, decisions=decisions)
+            taxel.clock(
+                enabled=enable,
+                taken=granted,
+                sample=digital,
+                tick=self.tick,
+                leak=decay,
+                decisions=decisions,
+                ask=ask,
+            )
         counts["clocks"] += 1
+        counts["asked"] += taxel.strobe
         counts["disabled"] += not enable
         counts["closed"] += taxel.half_width() < self.settings.step
         counts["charged"] += config.encoder.leaks and taxel.reference != 0
@@ -121,10 +133,13 @@ class TaxelSteps:
         return step
 
     def decide(self) -> tuple[bool, bool]:
-        """Return the comparator decisions, or random ones in a noise phase."""
+        """Return the comparator decisions: wrong while nobody asks, and random in a noise phase."""
         if self.noisy:
             return self.rng.random() < 0.5, self.config.has_polarity and self.rng.random() < 0.5
-        return ideal(self.config, self.signal, self.taxel.reference_code(), self.taxel.half_width())
+        above, below = ideal(self.config, self.signal, self.taxel.reference_code(), self.taxel.half_width())
+        if not self.taxel.strobe:
+            return not above, self.config.has_polarity and not below
+        return above, below
 
     def pulse_reset(self) -> Iterator[Step]:
         """Yield a pulse of rst between two clock edges, which affects only asynchronous resets."""
@@ -191,8 +206,9 @@ def name(config: ReadoutConfig) -> str:
 
 @pytest.mark.representative(
     "icarus-lcs-digital-12b-5b",
-    "icarus-cw-lcs-analog-12b-10b",
-    "icarus-nlcs-analog-12b-10b",
+    "icarus-lcs-analog-12b-1b-sync-clock",
+    "icarus-cw-lcs-analog-12b-3b-sync-clock",
+    "icarus-nlcs-analog-12b-6b-sync-clock",
     "icarus-nlcs-digital-12b-5b",
     "icarus-cw-lcs-digital-12b-5b",
     block="taxel",
@@ -206,6 +222,7 @@ def test_taxel_equals_its_reference_in_every_clock(config: ReadoutConfig, tmp_pa
     happened |= {"off"} if config.has_polarity else set()
     happened |= {"charged"} if config.encoder.leaks else set()
     happened |= {"closed"} if config.closes else set()
+    happened |= {"asked"} if config.frontend == "analog" else set()
     stays = not config.encoder.leaks or config.leak_shift == 16  # a reference that leaks much comes to no end
     if config.frontend == "analog" and config.has_polarity and config.reference_reset and stays:
         happened |= {"at the bottom" if config.reference_reset < 0 else "at the top"}

@@ -261,9 +261,10 @@ def test_ports_are_those_of_the_contract() -> None:
     stream = {"event_valid": 1, "event_ready": 1, "event_row": 2, "event_col": 3}
     assert widths() == common | {"sample": 180, "sample_valid": 1} | stream | {"event_polarity": 1}
     assert widths(encoding="nlcs") == common | {"sample": 180, "sample_valid": 1} | stream
-    comparators = {"above": 15, "below": 15, "reference_code": 180}
+    comparators = {"sample_valid": 1, "above": 15, "below": 15, "compare": 15, "reference_code": 180}
     aer = {"aer_req": 1, "aer_ack": 1, "aer_addr": 6}
     assert widths(frontend="analog", link="four_phase") == common | comparators | aer
     assert widths(frontend="analog", link="four_phase", encoding="nlcs") == common | {
-        "sample_valid": 1, "above": 15, "reference_code": 180, "aer_req": 1, "aer_ack": 1, "aer_addr": 5,
+        "sample_valid": 1, "above": 15, "compare": 15, "reference_code": 180,
+        "aer_req": 1, "aer_ack": 1, "aer_addr": 5,
     }  # fmt: skip

@@ -16,8 +16,9 @@ ZERO, ONE = np.uint64(0), np.uint64(1)
 WAITING, SIGNS, BEHIND, ROW, TAKEN, REQUESTS = range(6)
 
 
-ROW_DTYPE = np.dtype([(name, np.uint64) for name in ("pending", "polarity", "active", "again")])
-"""A row of taxels, a bit for each column: requests, their polarities, the mask, and who must decide once more."""
+ROW_DTYPE = np.dtype([(name, np.uint64) for name in ("pending", "polarity", "active", "fresh", "again")])
+"""A row of taxels, a bit for each column: requests, their polarities, the mask, whose mask ends in this clock, and who
+must decide once more; with the analog front end these are the taxels whose ``compare`` is high."""
 
 
 def new_state() -> NDArray[np.uint64]:

@@ -248,9 +248,9 @@ class ReadoutConfig(Configuration):
         return self.encoder.closes(self)
 
     @property
-    def needs_tick(self) -> bool:
-        """True if the RTL needs the sample tick as a time base with analog and digital front end."""
-        return self.encoder.needs_tick(self) or self.decide_every == "sample"
+    def asks_between_ticks(self) -> bool:
+        """True if analog comparators are asked in other clocks than those of sample ticks, too."""
+        return self.frontend == "analog" and self.decide_every == "clock"
 
     @property
     def half_width_bits(self) -> int:

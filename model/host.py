@@ -59,6 +59,7 @@ def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins
     choices: dict[int, NDArray[np.uint8]] = {}
     rows: list[tuple[int, ...]] = []
     before: tuple[int, ...] = ()
+    writes: list[int] = []
 
     def keep(values: dict[int, Any], value: NDArray[Any]) -> None:
         if not values or (value != next(reversed(values.values()))).any():
@@ -88,6 +89,8 @@ def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins
         if "resolution_bits" in file.written:
             resolution = found.resolution
         write = slave.write
+        if write is not None and config.frontend == "analog":
+            writes.append(clock + 2)
         slave.clock(levels)
         file.clock(write)
     return dataclasses.replace(
@@ -97,4 +100,5 @@ def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins
         settings=np.array(rows, SETTING_DTYPE),
         choice_clock=np.array([*choices], np.int64),
         choice=np.array([*choices.values()], np.uint8).reshape(-1, config.taxels),
+        write_clock=np.array(writes, np.int64),
     )

@@ -68,6 +68,9 @@ class Stimulus:
     """Fields that a host chooses, by their numbers in ``fields.CHOICES``, shape (changes, taxels), and the clocks from
     which they are valid; the first at clock 0 (``receptive_fields="settable"``). By default all are ``own``. A mask
     silences taxels that are off."""
+    write_clock: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """Clocks in which ``compare`` is high because a host wrote a register two clocks earlier, rising, shape (writes,)
+    (analog front end with ``registers="spi"``)."""
 
     @classmethod
     def from_samples(
@@ -188,6 +191,31 @@ def simulate_counted(config: ReadoutConfig, stimulus: Stimulus) -> tuple[Events,
     return _run(config, stimulus, stimulus.clocks, traffic)[0], traffic
 
 
+def strobes(config: ReadoutConfig, stimulus: Stimulus) -> NDArray[np.bool_]:
+    """Return ``compare`` of every taxel in every clock, shape (clocks, taxels) (analog front end)."""
+    lines = _strobes(config, stimulus)[:, :, None] >> np.arange(config.columns, dtype=np.uint64) & ONE
+    return lines.astype(bool).reshape(stimulus.clocks, config.taxels)
+
+
+def comparisons(config: ReadoutConfig, stimulus: Stimulus) -> int:
+    """Return the number of strobes of all taxels, the measure of the comparators' energy (analog front end).
+
+    A strobe is a clock in which ``compare`` of one taxel is high: one decision of its comparator, or of both with
+    polarity.
+    """
+    return int(np.bitwise_count(_strobes(config, stimulus)).sum())
+
+
+def _strobes(config: ReadoutConfig, stimulus: Stimulus) -> NDArray[np.uint64]:
+    """Return ``compare`` in every clock, a bit for each column, shape (clocks, rows)."""
+    if config.frontend != "analog":
+        raise InputError(f"strobes need the analog front end; set frontend to analog, not {config.frontend}")
+    stimulus.check(config)
+    asked = np.zeros((stimulus.clocks, config.rows), np.uint64)
+    _run(config, stimulus, stimulus.clocks, asked=asked)
+    return asked
+
+
 def state_at(config: ReadoutConfig, stimulus: Stimulus, clock: int) -> State:
     """Return the registers of a readout just before a given clock of a run."""
     stimulus.check(config)
@@ -223,6 +251,7 @@ class Inputs(NamedTuple):
     decisions: NDArray[np.uint8]
     choice_clock: NDArray[np.int64]
     shown: NDArray[np.int32]
+    write_clock: NDArray[np.int64]
 
 
 class Registers(NamedTuple):
@@ -243,7 +272,11 @@ class Registers(NamedTuple):
 
 
 def _run(
-    config: ReadoutConfig, stimulus: Stimulus, clocks: int, traffic: NDArray[np.uint8] | None = None
+    config: ReadoutConfig,
+    stimulus: Stimulus,
+    clocks: int,
+    traffic: NDArray[np.uint8] | None = None,
+    asked: NDArray[np.uint64] | None = None,
 ) -> tuple[Events, Registers]:
     """Run the compiled loop for a number of clocks; return the events and the final registers."""
     registers = Registers.after_reset(config)
@@ -257,10 +290,13 @@ def _run(
         decay.decay_phases(config),
         _decisions(config, stimulus),
         *_shown(config, stimulus),
+        stimulus.write_clock,
     )
     given_settings = stimulus.settings if len(stimulus.settings) else None
     traffic = np.zeros(0, np.uint8) if traffic is None else traffic
-    time, event = _loop(Parameters.of(config), config.protocol.rule(), inputs, registers, given_settings, traffic).T
+    asked = np.zeros((0, 0), np.uint64) if asked is None else asked
+    rules = Parameters.of(config), config.protocol.rule()
+    time, event = _loop(*rules, inputs, registers, given_settings, traffic, asked).T
     row, column = np.divmod(event >> 1, config.columns)
     return make_events(time, row, column, event & 1), registers
 
@@ -291,21 +327,30 @@ def _decisions(config: ReadoutConfig, stimulus: Stimulus) -> NDArray[np.uint8]:
 
 
 @njit(cache=True, nogil=True)
-def _loop(p: Any, link: Any, s: Inputs, r: Registers, given_settings: Any, traffic: Any) -> NDArray[np.int64]:
+def _loop(p: Any, link: Any, s: Inputs, r: Registers, given_settings: Any, traffic: Any, asked: Any) -> Any:
     """Simulate the readout; return the clock and 2 * taxel + polarity of every event, shape (events, 2).
 
     Settings are None without a host: the compiled loop then has no code for settings. ``traffic`` takes the states that
-    ``simulate_counted`` returns, if it has room.
+    ``simulate_counted`` returns, and ``asked`` the rows' ``compare``, if they have room.
     """
     taxels, rows, latch, sender = r
-    samples, sample_clock, clocks, enable_clock, enable, sink, phases, decisions, choice_clock, shown = s
+    samples, sample_clock, clocks, enable_clock, enable, sink, phases, decisions, choice_clock, shown, write_clock = s
     log = np.empty((1024, 2), np.int64)
-    events = ticks = changes = choices = 0  # events, sample ticks, masks and choices of fields so far
+    # events, sample ticks, masks, choices of fields, and writes of a host so far
+    events = ticks = changes = choices = writes = 0
     tick = again = False
     host = settings.new_host()
     t = 0
     while t < clocks:
         moved = testing = False
+        if writes < len(write_clock) and write_clock[writes] == t:
+            writes += 1
+            if not p.per_sample:
+                ask(p, rows)
+                again = True
+        if len(asked):
+            for y in range(len(rows)):
+                asked[t, y] = rows[y].again
         if given_settings is not None:
             moved, testing = settings.apply(host, given_settings, t, ticks, rows, latch)
             if moved:
@@ -332,11 +377,10 @@ def _loop(p: Any, link: Any, s: Inputs, r: Registers, given_settings: Any, traff
             settings.advance(host, given_settings, p.columns, row, rows, latch)
 
         # The taxels that have to decide: all, or those whose request was taken or whose threshold moved.
-        given = len(decisions) > 0
-        if given:
+        if len(decisions) > 0:
             for number in range(len(taxels)):
                 taxels[number].given = decisions[t, number]
-        everyone = tick or masked or moved or t == 0 or given
+        everyone = tick or (p.digital and (masked or moved or t == 0))
         if everyone or again or row >= 0:
             first, last = (0, len(rows)) if everyone or again else (row, row + 1)
             again = False
@@ -344,12 +388,15 @@ def _loop(p: Any, link: Any, s: Inputs, r: Registers, given_settings: Any, traff
                 leaks = tick and p.leaks and settings.leaks(host, p, phases[y], ticks)
                 todo = rows[y].again | (latch[arbiter.TAKEN] if y == row else ZERO)
                 again |= decide(p, y, ~ZERO if everyone else todo, tick, leaks, taxels, rows, latch)
+        if masked:
+            again |= ask_fresh(p, rows)
 
         # The samples, compared from the next clock on.
         tick = ticks < len(sample_clock) and sample_clock[ticks] == t
         if tick:
             take_samples(p, samples[ticks], taxels, rows)
             ticks += 1
+            ask(p, rows)
         left = links.advance(link, sender, sink, t, taken)
         if left != NOTHING and t + link.late < clocks:
             log = with_room(log, events)
@@ -357,13 +404,15 @@ def _loop(p: Any, link: Any, s: Inputs, r: Registers, given_settings: Any, traff
             events += 1
 
         t += 1
-        still = arbiter.idle(latch) and not tick and not again and not given and not testing
+        still = arbiter.idle(latch) and not tick and not again and not testing
         if still and links.rests(link, sender):
             until = sample_clock[ticks] if ticks < len(sample_clock) else clocks
             if changes < len(enable_clock):
                 until = min(until, enable_clock[changes])
             if choices < len(choice_clock):
                 until = min(until, choice_clock[choices])
+            if writes < len(write_clock):
+                until = min(until, write_clock[writes])
             if given_settings is not None:
                 until = min(until, settings.next_change(host, given_settings, clocks))
             t = max(t, min(until, clocks))
@@ -378,26 +427,53 @@ def _set(p: Parameters, now: Any) -> Parameters:
 
 @njit(inline="always")
 def decide(p: Any, y: int, todo: Any, tick: bool, leaks: bool, taxels: Any, rows: Any, latch: Any) -> bool:
-    """Compute the decisions of the taxels of row y; return True if a moved threshold requires another decision.
+    """Compute the decisions of the taxels of row y; return True if another decision follows in the next clock.
 
     Of the taxels in ``todo`` those decide that have no request, or whose request is taken in this clock. ``tick`` and
-    ``leaks`` are true in the clock of a sample tick, and of a leak of the row.
+    ``leaks`` are true in the clock of a sample tick, and of a leak of the row. Analog comparators count only in asked
+    taxels. They are asked again after an event or a move of a threshold, and while a request waits as long as they
+    answer with a step.
     """
-    todo &= rows[y].active & ~rows[y].pending
+    todo &= rows[y].active
+    waiting, asked = rows[y].pending, rows[y].again
+    todo &= ~waiting | (ZERO if p.digital else asked)
     again = ZERO
     while todo != ZERO:
         column = lowest(todo)
         bit = ONE << np.uint64(column)
         todo = without_lowest(todo)
-        on, off, moved = taxel.decide(p, taxels[y * p.columns + column], tick, leaks)
-        if on or off:
-            rows[y].pending |= bit
-            rows[y].polarity = rows[y].polarity | bit if on else rows[y].polarity & ~bit
-            arbiter.request(latch, y)
-        elif moved and not p.per_sample:
+        own = taxels[y * p.columns + column]
+        if waiting & bit != ZERO:
+            on, off = taxel.steps(p, own)
+            moved = False
+        else:
+            looks = tick or not p.per_sample if p.digital else asked & bit != ZERO
+            on, off, moved = taxel.decide(p, own, looks, tick, leaks)
+            if on or off:
+                rows[y].pending |= bit
+                rows[y].polarity = rows[y].polarity | bit if on else rows[y].polarity & ~bit
+                arbiter.request(latch, y)
+        if (moved or (not p.digital and (on or off))) and not p.per_sample:
             again |= bit
     rows[y].again = again
     return again != ZERO
+
+
+@njit(cache=True, nogil=True)
+def ask(p: Any, rows: Any) -> None:
+    """Ask the analog comparators of all enabled taxels in the next clock."""
+    for y in range(0 if p.digital else len(rows)):
+        rows[y].again |= rows[y].active
+
+
+@njit(cache=True, nogil=True)
+def ask_fresh(p: Any, rows: Any) -> bool:
+    """Ask the analog comparators of taxels whose mask ends in this clock; return True if there are any."""
+    found = False
+    for y in range(0 if p.digital or p.per_sample else len(rows)):
+        rows[y].again |= rows[y].fresh
+        found |= rows[y].fresh != ZERO
+    return found
 
 
 @njit(cache=True, nogil=True)
@@ -410,6 +486,7 @@ def mask_rows(p: Any, enable: Any, taxels: Any, rows: Any, latch: Any) -> None:
                 active |= ONE << np.uint64(column)
             else:
                 taxel.reset(p, taxels[y * p.columns + column])
+        rows[y].fresh = active & ~rows[y].active
         rows[y].active = active
         rows[y].pending &= active
         if rows[y].pending == ZERO:

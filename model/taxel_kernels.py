@@ -63,12 +63,13 @@ class Parameters(NamedTuple):
 
 
 @njit(inline="always")
-def decide(p: Any, taxel: Any, tick: bool, leaks: bool) -> tuple[bool, bool, bool]:
+def decide(p: Any, taxel: Any, looks: bool, tick: bool, leaks: bool) -> tuple[bool, bool, bool]:
     """Compute one decision of a taxel; return ON, OFF, and whether a threshold moved without an event.
 
-    ``tick`` and ``leaks`` are true in the clock of a sample tick, and of a leak of this taxel.
+    ``looks``: the answers of the comparators count in this clock. ``tick`` and ``leaks`` are true in the clock of a
+    sample tick, and of a leak of this taxel.
     """
-    on, off = steps(p, taxel) if tick or not p.per_sample else (False, False)
+    on, off = steps(p, taxel) if looks else (False, False)
     moved = compiled.move(p.rule, taxel, on, off, tick, leaks)
     return on, off, moved
 

@@ -32,8 +32,10 @@ PORTS = PORTS_OF_ALL | {
     "taxel_enable": "mask, bit r * columns + c for taxel (r, c); 0 silences a taxel",
     "sample": "codes of all taxels, signed, {sample_bits} bits each, taxel 0 in the least significant bits",
     "sample_valid": "sample tick",
-    "above": "comparator decisions, {above}, settled before the rising edge",
-    "below": "comparator decisions, {below}, settled before the rising edge",
+    "above": "comparator decisions, {above}, settled before the rising edge, ignored while compare is low",
+    "below": "comparator decisions, {below}, settled before the rising edge, ignored while compare is low",
+    "compare": "strobes of the comparators, taxel 0 in the least significant bit, from flops; a decision counts only "
+    "in a clock with its strobe",
     "reference_code": "references, for the DACs, from flops, signed, {sample_bits} bits each, in codes of a sample",
     "half_width": "half-widths, for the DACs, from {half_width_from}, unsigned, {half_width_bits} bits each, in codes",
     "step_code": "D in codes, for the comparators' DACs, from flops, unsigned; a host sets it",
@@ -91,8 +93,8 @@ OUTSIDE = 0.2
 """Share of the period for the logic that drives an input or takes an output."""
 
 DAC_OUT, DECISION_IN = 0.7, 0.7
-"""Shares of a taxel's loop through its macros: references leave within 0.3 of a period, the DAC and the comparator have
-0.4, and the decision is there 0.3 before the edge that takes it."""
+"""Shares of a taxel's loop through its macros: references and strobes leave within 0.3 of a period, the DAC and the
+comparator have 0.4, and the decision is there 0.3 before the edge that takes it."""
 
 UNCERTAINTY = 0.05
 """Share of the period that jitter and the skew of a clock tree, which layout makes, may take."""
@@ -118,7 +120,7 @@ TEST_PORT = {
     "meaning": "low in operation; high, every clock gate is open, as a scan chain needs",
 }
 
-MACRO_IN, MACRO_OUT = ("above", "below"), ("reference_code", "half_width")
+MACRO_IN, MACRO_OUT = ("above", "below"), ("compare", "reference_code", "half_width")
 """Ports at the comparators and the DACs of the analog front end."""
 
 SPI = ("spi_sck", "spi_cs_n", "spi_mosi")

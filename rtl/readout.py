@@ -29,9 +29,9 @@ class Readout(Block[ReadoutConfig]):
         Mask: 0 silences a taxel.
     sample, sample_valid : In(rows * columns * W), In(1)
         Codes of all taxels, taken together (digital front end); ``Fields`` adds them to receptive fields. The analog
-        front end has only ``sample_valid``, the sample tick, if the encoder needs it.
-    above, below, reference_code, half_width
-        Comparator decisions in, references and half-widths out (analog front end), see ``Taxel``.
+        front end has only ``sample_valid``, the sample tick.
+    above, below, compare, reference_code, half_width
+        Comparator decisions in, their strobes, references and half-widths out (analog front end), see ``Taxel``.
     event_valid, event_ready, event_row, event_col, event_polarity; or aer_req, aer_ack, aer_addr
         Address events, at the ports of the link (``eskin.rtl.links``).
     spi_sck, spi_cs_n, spi_mosi, spi_miso, spi_miso_enable
@@ -48,9 +48,7 @@ class Readout(Block[ReadoutConfig]):
     def __init__(self, config: ReadoutConfig) -> None:
         row = Row(config)
         self.per_row = ["enable", *row.per_taxel]
-        ports: dict[str, Any] = {"taxel_enable": In(config.taxels)}
-        if config.frontend == "digital" or config.needs_tick:
-            ports["sample_valid"] = In(1)
+        ports: dict[str, Any] = {"taxel_enable": In(config.taxels), "sample_valid": In(1)}
         for name in row.per_taxel:
             flow = In if row.signature.members[name].flow is In else Out
             ports[name] = flow(unsigned(config.rows * len(getattr(row, name))))
@@ -79,8 +77,8 @@ class Readout(Block[ReadoutConfig]):
             outer["sample"] = fields.signal
 
         needs_clock: list[Any] = [arbiter.awake]
-        if config.needs_tick:
-            tick = Signal()
+        tick = Signal()
+        if config.encoder.leaks or "tick" in Row(config).signature.members:
             m.d.sync += tick.eq(self.sample_valid)
             needs_clock += [self.sample_valid, tick]
         if host is not None and config.encoder.leaks:
@@ -91,10 +89,7 @@ class Readout(Block[ReadoutConfig]):
         for index in range(config.rows):
             row = Row(config)
             row.place(m, f"row_{index}", platform)
-            m.d.comb += [
-                row.select.eq(arbiter.select[index]),
-                row.granted.eq(arbiter.granted[index]),
-            ]
+            m.d.comb += [row.select.eq(arbiter.select[index]), row.granted.eq(arbiter.granted[index])]
             needs_clock.append(row.awake)
             _request(m, arbiter, row, host, index)
             if "tick" in row.signature.members:
@@ -103,6 +98,9 @@ class Readout(Block[ReadoutConfig]):
                 m.d.comb += row.decay.eq(row_decay[index])
             if config.frontend == "digital":
                 m.d.comb += row.sample_valid.eq(self.sample_valid)
+            else:
+                wrote = host.wrote if host is not None and config.asks_between_ticks else 0
+                m.d.comb += row.ask.eq(self.sample_valid | wrote)
             if host is not None:
                 m.d.comb += [getattr(row, name).eq(host.setting(name)) for name in settings(config)]
             for name in self.per_row:

@@ -33,19 +33,28 @@ class Taxel(Block[ReadoutConfig]):
 
     Latency: sample at clock t, decision at t + 1, request visible at t + 2. Throughput: one event per clock.
 
+    With the analog front end a taxel decides only while ``compare`` is high, so ``compare`` follows everything that may
+    change an answer of the comparators. A request that waits asks again only while the answer is a step. The taxel
+    therefore needs no register for the answer: if ``compare`` is low when the request is taken, the answer was no step.
+
     Attributes
     ----------
     enable : In(1)
         Low silences the taxel in this clock, and holds it in its reset state from the next clock on.
     tick : In(1)
         Sample tick, the clock after ``sample_valid``; absent if the taxel does not need it.
+    ask : In(1)
+        The comparators are asked in the next clock: a sample tick follows, or a host changed a threshold or a signal
+        (analog front end).
     decay : In(1)
         The reference leaks in this clock; absent if the encoder does not leak.
     sample, sample_valid : In(W), In(1)
         The newest code (digital front end).
     above, below : In(1)
         Decisions of the comparator macros (analog front end): x >= reference + h, x < reference - h, for an
-        encoder that is strict x >= reference + D + 1; ``below`` only with polarity.
+        encoder that is strict x >= reference + D + 1; ``below`` only with polarity. Ignored while ``compare`` is low.
+    compare : Out(1)
+        Strobe of the comparators, a register (analog front end): an answer in this clock may change the state.
     reference_code : Out(W)
         Signed, in sample codes, a register (analog front end).
     half_width : Out(half_width_bits)
@@ -69,12 +78,14 @@ class Taxel(Block[ReadoutConfig]):
             config,
             {
                 "enable": In(1),
-                "tick": In(1) if config.closes or config.decide_every == "sample" else None,
+                "tick": In(1) if config.closes or (digital and config.decide_every == "sample") else None,
+                "ask": None if digital else In(1),
                 "decay": In(1) if config.encoder.leaks else None,
                 "sample": In(signed(config.sample_bits)) if digital else None,
                 "sample_valid": In(1) if digital else None,
                 "above": None if digital else In(1),
                 "below": None if digital or not bipolar else In(1),
+                "compare": None if digital else Out(1),
                 "reference_code": None if digital else Out(signed(config.sample_bits)),
                 "half_width": None if digital or not config.closes else Out(config.half_width_bits),
                 **settings(config),
@@ -93,7 +104,8 @@ class Taxel(Block[ReadoutConfig]):
         config = self.config
         shared = Shared(*(Signal(name=field.metadata.get("wire", field.name)) for field in fields(Shared)))
         above, below = named(config.encoding)(m, self, shared, platform)
-        decide = self.tick if config.decide_every == "sample" else Const(1)
+        analog = config.frontend == "analog"
+        decide = self.compare if analog else self.tick if config.decide_every == "sample" else Const(1)
         switched = Signal()
         m.d.comb += switched.eq(self.enable ^ shared.enabled)
         if self.sleeps:
@@ -106,8 +118,15 @@ class Taxel(Block[ReadoutConfig]):
             shared.off.eq(decide & below),
             shared.wants_event.eq(self.enable & (shared.on | shared.off)),
             shared.moves.eq(switched | Mux(shared.pending, self.granted, shared.wants_event | leaks)),
-            self.needs_clock.eq(switched | (~shared.pending & shared.wants_event) | shared.closing),
         ]
+        needs_clock: Any = ~shared.pending & shared.wants_event
+        if analog:
+            needs_clock = asked = Signal(name="asked")
+            changes = (~shared.pending | self.granted) & (leaks | shared.narrows)
+            asks = self.ask | (~shared.enabled | shared.on | shared.off | changes if config.asks_between_ticks else 0)
+            m.d.sync += asked.eq(self.enable & asks)
+            m.d.comb += self.compare.eq(asked)
+        m.d.comb += self.needs_clock.eq(switched | needs_clock | shared.closing)
         with m.If(shared.moves):
             m.d.sync += [shared.enabled.eq(self.enable), shared.pending.eq(shared.wants_event)]
         if config.has_polarity:
@@ -139,7 +158,7 @@ class Row(Block[ReadoutConfig]):
         Requests and polarities of the row's taxels while it is selected, else 0.
     awake : Out(1)
         Low in a clock at whose end no register of the row changes: its clock may be stopped.
-    tick, decay, sample, sample_valid, above, below, reference_code, half_width
+    tick, ask, decay, sample, sample_valid, above, below, compare, reference_code, half_width
         As those of ``Taxel``, column 0 in the least significant bits.
     """
 
@@ -148,7 +167,7 @@ class Row(Block[ReadoutConfig]):
     def __init__(self, config: ReadoutConfig) -> None:
         columns = config.columns
         taxel = Taxel(config)
-        shared = {"tick", "decay", "sample_valid", *settings(config)}
+        shared = {"tick", "ask", "decay", "sample_valid", *settings(config)}
         own = {"enable", "granted", "request", "polarity", "needs_clock"}
         ports: dict[str, Any] = {
             "enable": In(columns),
@@ -174,7 +193,7 @@ class Row(Block[ReadoutConfig]):
         requests, polarities = [], []
         needs_clock: list[Any] = [
             self.granted,
-            *(getattr(self, name) for name in ("sample_valid", "decay") if name in self.shared),
+            *(getattr(self, name) for name in ("sample_valid", "ask", "decay") if name in self.shared),
         ]
         for column in range(self.config.columns):
             taxel = Taxel(self.config)

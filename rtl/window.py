@@ -22,6 +22,9 @@ class ClosingWindow(Block[ReadoutConfig]):
         In closing steps, from 2**closing_levels_log2 (D) down to 1.
     period : In
         Quiet ticks for a step, where a host sets them (``registers="spi"``).
+    narrows : Out(1)
+        The window closes by a step at the end of this clock, unless ``open`` is high (analog front end that
+        decides in every clock).
     closed : Out(1)
         The window is as narrow as it gets: it stands still, and its counter too, until it is opened.
     """
@@ -36,6 +39,7 @@ class ClosingWindow(Block[ReadoutConfig]):
                 "tick": In(1),
                 "period": None if config.registers == "none" else In(config.window_period.bit_length()),
                 "half_width": Out(config.closing_levels_log2 + 1),
+                "narrows": Out(1) if config.asks_between_ticks else None,
                 "closed": Out(1),
             },
         )
@@ -54,6 +58,8 @@ class ClosingWindow(Block[ReadoutConfig]):
             window = Signal(len(self.half_width), init=levels, name="window")
             narrower = window - last
             m.d.comb += [self.half_width.eq(window), self.closed.eq(window == 1)]
+            if self.config.asks_between_ticks:
+                m.d.comb += self.narrows.eq(self.tick & last & ~self.closed)
         else:
             window = Signal(range(levels), name="steps")
             narrower = window + last

@@ -154,23 +154,16 @@ module harness;
   localparam WIDTH_BITS = $clog2(STEP) + 1;
 `endif
   wire [TAXELS*WIDTH_BITS-1:0] half_width;
-`else
-  localparam WIDTH_BITS = 1;
-  wire [TAXELS-1:0] half_width = 0;  // stands still
 `endif
-  // The comparator macros of the taxels: they look at the signal that the last sample tick brought, and settle in the
-  // middle of a clock.
+  // The comparator macros of the taxels: they look at the signal that the last sample tick brought while compare is
+  // high, and settle in the middle of the clock. While compare is low they answer wrongly.
+  wire [TAXELS-1:0] compare;
   reg [TAXELS*SIGNAL_BITS-1:0] held = 0;
-  reg [TAXELS-1:0] above = 0;
-  reg [TAXELS-1:0] below = 0;
+  reg [TAXELS-1:0] above = 0, above_last = 0;
+  reg [TAXELS-1:0] below = 0, below_last = 0;
   reg [31:0] comparators [0:3+2*TAXELS];
   reg [31:0] dice = 1;
   integer i, code, width, signal;
-  // Without noise a comparator finds the same while its signal and its thresholds stand still: only the others look.
-  reg everyone = 1;
-  reg [TAXELS*SIGNAL_BITS-1:0] held_before = 0, held_moves = 0;
-  reg [TAXELS*SAMPLE_BITS-1:0] code_before = 0, code_moves = 0;
-  reg [TAXELS*WIDTH_BITS-1:0] width_before = 0, width_moves = 0;
 
   always @(posedge clk)
     if (rst) held <= 0;
@@ -178,23 +171,15 @@ module harness;
 
   always @(negedge clk)
     if (!running) begin
+      above_last = 0;
+      below_last = 0;
       above = 0;
       below = 0;
-      everyone = 1;
     end else begin
-      if (comparators[0] != 0) everyone = 1;
-      held_moves = held ^ held_before;
-      code_moves = reference_code ^ code_before;
-      width_moves = half_width ^ width_before;
-      held_before = held;
-      code_before = reference_code;
-      width_before = half_width;
-      if (everyone || held_moves !== 0 || code_moves !== 0 || width_moves !== 0)
-        for (i = 0; i < TAXELS; i = i + 1)
-          if (everyone || held_moves[i*SIGNAL_BITS+:SIGNAL_BITS] !== 0
-              || code_moves[i*SAMPLE_BITS+:SAMPLE_BITS] !== 0 || width_moves[i*WIDTH_BITS+:WIDTH_BITS] !== 0)
-            look;
-      everyone = 0;
+      if (compare !== 0)
+        for (i = 0; i < TAXELS; i = i + 1) if (compare[i]) look;
+      above = above_last ~^ compare;
+      below = below_last ~^ compare;
     end
 
   task look;
@@ -206,9 +191,9 @@ module harness;
 `else
       width = STEP;
 `endif
-      above[i] = seen(signal, 4 + i, above[i]) >= (code + width + BEYOND) * (1 << FRACTION_BITS);
+      above_last[i] = seen(signal, 4 + i, above_last[i]) >= (code + width + BEYOND) * (1 << FRACTION_BITS);
 `ifdef POLARITY
-      below[i] = -seen(-signal, 4 + TAXELS + i, below[i]) < (code - width) * (1 << FRACTION_BITS);
+      below_last[i] = -seen(-signal, 4 + TAXELS + i, below_last[i]) < (code - width) * (1 << FRACTION_BITS);
 `endif
     end
   endtask
@@ -326,11 +311,10 @@ module harness;
       .field_select(),
 `endif
 `endif
-`ifdef TICK
       .sample_valid(sample_valid),
-`endif
 `ifdef ANALOG
       .above(above),
+      .compare(compare),
       .reference_code(reference_code),
 `ifdef POLARITY
       .below(below),

@@ -28,7 +28,7 @@ CLOCKS = 6000
 
 
 class Comparators:
-    """Ideal comparators of the array."""
+    """Ideal comparators of the array; while ``compare`` is low they answer wrongly."""
 
     def __init__(self, config: ReadoutConfig, block: Block) -> None:
         self.config, self.block = config, block
@@ -44,7 +44,10 @@ class Comparators:
             width, size = self.block.read("half_width"), config.half_width_bits
             widths = [width >> taxel * size & (1 << size) - 1 for taxel in range(config.taxels)]
         found = [ideal(config, *three) for three in zip(samples, codes, widths, strict=True)]
-        self.block.drive(above=packed([above for above, _ in found]), below=packed([below for _, below in found]))
+        wrong = ~self.block.read("compare")
+        self.block.drive(
+            above=packed([above for above, _ in found]) ^ wrong, below=packed([below for _, below in found]) ^ wrong
+        )
 
     def _selected(self, samples: list[int]) -> list[int]:
         """Return the outputs of the input multiplexers, 0 without a selected line."""
@@ -89,6 +92,8 @@ async def readout_follows_its_model(dut: Any) -> None:
         elif analog is not None:
             analog.look(held)
         await block.settle()
+        if analog is not None:
+            check.equal("compare", int(played["compare"][clock], 2), block.read("compare"))
         check.equal("spi_miso", played["miso"][clock], block.read("spi_miso"))
         check.equal("spi_miso_enable", played["miso_enable"][clock], block.read("spi_miso_enable"))
         found = None
@@ -172,7 +177,7 @@ def prepare(
     of the scale, or the comparators follow ``anything`` instead of the signal.
     """
     from eskin.model.host import play
-    from eskin.model.readout import Stimulus
+    from eskin.model.readout import Stimulus, strobes
 
     rng, draw = random.Random(seed), np.random.default_rng(seed)
     clocks = CLOCKS if given is None else len(given)
@@ -193,7 +198,11 @@ def prepare(
     played = play(config, stimulus, pins)
     mask = stimulus.enable[np.searchsorted(stimulus.enable_clock, np.arange(clocks), side="right") - 1]
     path = folder / "host.npz"
-    sides = {} if stimulus.decisions is None else {"decisions": [rows(stimulus.decisions & side) for side in (1, 2)]}
+    sides: dict[str, Any] = {}
+    if stimulus.decisions is not None:
+        sides["decisions"] = [rows(stimulus.decisions & side) for side in (1, 2)]
+    if config.frontend == "analog":
+        sides["compare"] = rows(strobes(config, played.stimulus))
     events = np.array([[int(e["t"]), int(e["x"]), int(e["y"]), int(e["p"])] for e in played.events]).reshape(-1, 4)
     np.savez(
         path,
@@ -205,7 +214,7 @@ def prepare(
         events=events,
         miso=played.miso,
         miso_enable=played.miso_enable,
-        **sides,  # type: ignore[arg-type]
+        **sides,
     )
     settings = played.stimulus.settings
     happens: Counter[str] = Counter(settings=len(settings), events=len(played.events))

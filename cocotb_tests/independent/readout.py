@@ -50,6 +50,10 @@ class Readout:
         """Return (reference_code, half_width) of every taxel for analog comparators."""
         return [(taxel.reference_code(), taxel.half_width()) for row in self.taxels for taxel in row]
 
+    def strobes(self) -> list[bool]:
+        """Return which taxels ask their analog comparators in this clock."""
+        return [taxel.strobe for row in self.taxels for taxel in row]
+
     def clock(
         self,
         *,
@@ -82,7 +86,8 @@ class Readout:
         enabled = [has and (enable is None or bool(enable[i])) for i, has in enumerate(self.on)]
         tick = self.new_samples
         taken = self._clock_arbiter(ready, ack, enabled)
-        self._clock_taxels(tick, taken, sample if sample_valid and digital else None, enabled, decisions)
+        codes = sample if sample_valid and digital else None
+        self._clock_taxels(tick, taken, codes, enabled, decisions, sample_valid)
         if tick:
             self.ticks += 1
         self.new_samples = sample_valid
@@ -113,6 +118,7 @@ class Readout:
         sample: Sequence[int] | None,
         enable: Sequence[bool],
         decisions: Sequence[tuple[bool, bool]] | None,
+        new: bool,
     ) -> None:
         settings = self.settings
         for r in range(settings.rows):
@@ -126,4 +132,5 @@ class Readout:
                     tick=tick,
                     leak=leak,
                     decisions=None if decisions is None else decisions[i],
+                    ask=new,
                 )

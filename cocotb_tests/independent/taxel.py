@@ -11,7 +11,10 @@ class Taxel:
     sample : the newest sample, in codes
     reference : u, in codes (N-LCS: in units of 2**-F codes)
     request : None, or the polarity of the request that waits (1 ON, 0 OFF)
+    strobe : the analog comparators are asked in this clock
     """
+
+    leaks, has_off = False, True
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
@@ -22,6 +25,7 @@ class Taxel:
         self.sample = 0
         self.reference = self.settings.reference_reset
         self.request: int | None = None
+        self.strobe = self.was_enabled = False
 
     def reference_code(self) -> int:
         """Return the reference for analog comparators, in codes."""
@@ -45,6 +49,7 @@ class Taxel:
         tick: bool,
         leak: bool,
         decisions: tuple[bool, bool] | None,
+        ask: bool = False,
     ) -> None:
         """Apply a rising edge.
 
@@ -56,34 +61,49 @@ class Taxel:
         tick : this clock has the first look at a new sample
         leak : this tick is a decay tick of the taxel's row
         decisions : (above, below) of analog comparators, or None
+        ask : new samples come, or a host wrote a register in the clock before (analog front end)
         """
         if not enabled:
             self.reset()
             return
-        if self.request is None or taken:
-            self.request = None
-            above, below = decisions if decisions is not None else self.compare()
-            look = self.settings.decide_every == "clock" or tick
-            self.decide(look and above, look and below, tick, leak)
+        every_clock = self.settings.decide_every == "clock"
+        before = self.half_width()
+        if decisions is None:
+            look = every_clock or tick
+            above, below = self.compare()
+        else:
+            look = self.strobe
+            above, below = decisions
+        wish = self.wish(above, below) if look else None
+        free = self.request is None or taken
+        if free:
+            self.request = wish
+            self.move(wish, tick, leak)
+        moved = free and ((leak and self.leaks) or self.half_width() != before)
+        self.strobe = ask or (every_clock and (not self.was_enabled or wish is not None or moved))
+        self.was_enabled = True
         if sample is not None:
             self.sample = sample
 
-    def decide(self, above: bool, below: bool, tick: bool, leak: bool) -> None:
-        """Decide on a request and a step."""
+    def wish(self, above: bool, below: bool) -> int | None:
+        """Return the polarity of the step that the comparators ask for; None if there is none on the scale."""
+        width = self.half_width()
+        code = self.reference_code()
+        if above:
+            return 1 if code + width <= self.settings.top else None
+        return 0 if self.has_off and below and code - width >= self.settings.bottom else None
+
+    def move(self, wish: int | None, tick: bool, leak: bool) -> None:
+        """Make the step of a wish, and what a tick and a leak do to a free taxel."""
         raise NotImplementedError
 
 
 class LcsTaxel(Taxel):
     """Level crossing: up by h for x - u >= h, down by h for x - u < -h, where the half-width h is D."""
 
-    def decide(self, above: bool, below: bool, tick: bool, leak: bool) -> None:
-        width = self.half_width()
-        if above and self.reference + width <= self.settings.top:
-            self.reference += width
-            self.request = 1
-        elif not above and below and self.reference - width >= self.settings.bottom:
-            self.reference -= width
-            self.request = 0
+    def move(self, wish: int | None, tick: bool, leak: bool) -> None:
+        if wish is not None:
+            self.reference += self.half_width() if wish else -self.half_width()
 
 
 class Window:
@@ -122,9 +142,9 @@ class CwLcsTaxel(LcsTaxel):
     def half_width(self) -> int:
         return self.window.width
 
-    def decide(self, above: bool, below: bool, tick: bool, leak: bool) -> None:
-        super().decide(above, below, tick, leak)
-        if self.request is not None:
+    def move(self, wish: int | None, tick: bool, leak: bool) -> None:
+        super().move(wish, tick, leak)
+        if wish is not None:
             self.window.open()
         elif tick:
             self.window.tick()
@@ -132,6 +152,8 @@ class CwLcsTaxel(LcsTaxel):
 
 class NlcsTaxel(Taxel):
     """Leaky neuron: up by D for x - u > D; u leaks at the decay ticks of its row."""
+
+    leaks, has_off = True, False
 
     def reset(self) -> None:
         super().reset()
@@ -147,11 +169,10 @@ class NlcsTaxel(Taxel):
     def compare(self) -> tuple[bool, bool]:
         return self.sample * self.unit - self.reference > self.settings.step * self.unit, False
 
-    def decide(self, above: bool, below: bool, tick: bool, leak: bool) -> None:
+    def move(self, wish: int | None, tick: bool, leak: bool) -> None:
         old = self.reference
-        if above and old + self.settings.step * self.unit < (self.settings.top + 1) * self.unit:
+        if wish is not None:
             self.reference += self.settings.step * self.unit
-            self.request = 1
         if leak:
             k = self.settings.leak_shift
             self.reference -= (old + 2 ** (k - 1)) // 2**k
@@ -163,20 +184,16 @@ class BipolarNlcsTaxel(NlcsTaxel):
     A step towards zero takes the place of the leak.
     """
 
+    has_off = True
+
     def compare(self) -> tuple[bool, bool]:
         difference = self.sample - self.reference_code()
         return difference > self.settings.step, difference < -self.settings.step
 
-    def decide(self, above: bool, below: bool, tick: bool, leak: bool) -> None:
+    def move(self, wish: int | None, tick: bool, leak: bool) -> None:
         old = self.reference
-        rise = self.settings.step * self.unit
-        bottom = self.settings.bottom * self.unit
-        if above and old + rise < (self.settings.top + 1) * self.unit:
-            self.reference += rise
-            self.request = 1
-        elif not above and below and old - rise >= bottom:
-            self.reference -= rise
-            self.request = 0
+        if wish is not None:
+            self.reference += self.settings.step * self.unit * (1 if wish else -1)
         nearer = self.reference > old if old < 0 else self.reference < old
         if leak and not nearer:
             k = self.settings.leak_shift

@@ -338,7 +338,6 @@ def shape(config: Config) -> tuple[dict[str, str], dict[str, int]]:
     macros = {
         "ANALOG": config.frontend == "analog",
         "POLARITY": config.has_polarity,
-        "TICK": config.frontend == "digital" or config.needs_tick,
         "ROWS": config.row_bits > 0,
         "COLUMNS": config.column_bits > 0,
         "ADDRESS": config.address_bits > 0,

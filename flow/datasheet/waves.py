@@ -9,8 +9,7 @@ from eskin.flow.datasheet.sheet import Wave
 from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
 from eskin.model.links.link import ACK_QUANTA, NOTHING, Sink
-from eskin.model.readout import TAKEN, WAITED, Stimulus, simulate, simulate_counted, state_at
-from eskin.rtl.delivery import ports
+from eskin.model.readout import TAKEN, WAITED, Stimulus, simulate, simulate_counted, state_at, strobes
 from eskin.rtl.links import registry as links
 
 TICK = 2
@@ -98,8 +97,7 @@ def waves(config: ReadoutConfig) -> list[Wave]:
     events, traffic = simulate_counted(config, stimulus)
     states = [state_at(config, stimulus, clock) for clock in range(stimulus.clocks)]
     tick = tuple(int(clock == TICK) for clock in range(stimulus.clocks))
-    names = {port["name"] for port in ports(config)}
-    found = [Wave("sample_valid", tick)] if "sample_valid" in names else []
+    found = [Wave("sample_valid", tick)]
     if config.frontend == "digital":
         # The taxel takes it with the edge that ends the clock of the tick.
         code = int(stimulus.samples[0, 0])
@@ -110,7 +108,8 @@ def waves(config: ReadoutConfig) -> list[Wave]:
     if config.frontend == "analog":
         levels = [code + width + config.encoder.strict for code, width in zip(codes, widths, strict=True)]
         above = tuple(int(state.sample[0, 0] >= level) for state, level in zip(states, levels, strict=True))
-        found.append(Wave("above, taxel 0", above))
+        asked = tuple(int(on) for on in strobes(config, stimulus)[:, 0])
+        found += [Wave("compare, taxel 0", asked), Wave("above, taxel 0", above)]
     found.append(Wave("reference, taxel 0", tuple(codes), bus=True))
     if config.closes:
         found.append(Wave("half width, taxel 0", tuple(widths), bus=True))

@@ -80,10 +80,6 @@ class Encoder(ABC):
         """Return True if every taxel has a window with more than one half-width."""
         return self.windowed and config.closing_levels_log2 > 0
 
-    def needs_tick(self, config: ReadoutConfig) -> bool:
-        """Return True if the encoder needs the sample tick as a time base."""
-        return self.leaks or self.closes(config)
-
     def check(self, config: ReadoutConfig) -> None:  # noqa: B027 (most encoders take every configuration)
         """Raise InputError for a configuration that this encoder does not support."""
 

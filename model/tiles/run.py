@@ -17,7 +17,17 @@ from eskin.model import arbiter, decay, readout
 from eskin.model.address_events import Events, make_events
 from eskin.model.arbiter import ONE, ZERO
 from eskin.model.links.link import Sink
-from eskin.model.readout import Inputs, Registers, Stimulus, decide, mask_rows, take_samples, with_room
+from eskin.model.readout import (
+    Inputs,
+    Registers,
+    Stimulus,
+    ask,
+    ask_fresh,
+    decide,
+    mask_rows,
+    take_samples,
+    with_room,
+)
 from eskin.model.taxel_kernels import Parameters
 from eskin.model.tiles import merge, relay
 from eskin.model.tiles.config import TilesConfig
@@ -59,6 +69,7 @@ def simulate_skin(config: TilesConfig, stimuli: Sequence[Stimulus]) -> Events:
         np.zeros((0, 0), np.uint8),
         np.zeros(0, np.int64),
         np.zeros((0, 0), np.int32),
+        np.zeros(0, np.int64),
     )
     all_of = Registers(*(np.stack(column) for column in zip(*registers, strict=True)))
     time, event = _loop(Parameters.of(tile), inputs, all_of, tile.taxels, config.relays).T
@@ -130,7 +141,7 @@ def _clock(p: Any, s: Any, t: int, tile: int, taxels: Any, rows: Any, latch: Any
         at[CHANGES] += 1
     row = arbiter.grant(latch, rows)
     tick = at[TICK] != 0
-    everyone = tick or masked or t == 0
+    everyone = tick or (p.digital and (masked or t == 0))
     if everyone or at[AGAIN] != 0 or row >= 0:
         first, last = (0, len(rows)) if everyone or at[AGAIN] != 0 else (row, row + 1)
         again = False
@@ -139,7 +150,10 @@ def _clock(p: Any, s: Any, t: int, tile: int, taxels: Any, rows: Any, latch: Any
             todo = rows[y].again | (latch[arbiter.TAKEN] if y == row else ZERO)
             again |= decide(p, y, ~ZERO if everyone else todo, tick, leaks, taxels, rows, latch)
         at[AGAIN] = again
+    if masked and ask_fresh(p, rows):
+        at[AGAIN] = 1
     at[TICK] = at[TICKS] < len(s.sample_clock) and s.sample_clock[at[TICKS]] == t
     if at[TICK]:
         take_samples(p, s.samples[tile, at[TICKS]], taxels, rows)
+        ask(p, rows)
         at[TICKS] += 1

@@ -26,6 +26,8 @@ def half_width(m: Module, taxel: Taxel, shared: Shared, platform: Any) -> Any:
         window.tick.eq(free & taxel.enable & taxel.tick),
         shared.closing.eq(taxel.tick & ~window.closed),
     ]
+    if config.asks_between_ticks:
+        m.d.comb += shared.narrows.eq(window.narrows)
     if config.registers == "none":
         return window.half_width
     m.d.comb += window.period.eq(taxel.window_period)

@@ -32,6 +32,8 @@ class Shared:
         Enable of request, polarity and reference.
     closing : Signal
         The window may close in this clock.
+    narrows : Signal
+        The window closes by a step at the end of this clock, unless the taxel steps (analog front end).
     """
 
     pending: Signal
@@ -41,6 +43,7 @@ class Shared:
     wants_event: Signal = field(metadata={"wire": "asks"})  # the Verilog has this name
     moves: Signal
     closing: Signal
+    narrows: Signal
 
 
 Build = Callable[[Module, Taxel, Shared, Any], tuple[Any, Any]]

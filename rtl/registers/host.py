@@ -41,6 +41,9 @@ class Host(Block[ReadoutConfig]):
     field_select : Out(3 * rows * columns)
         {both, neighbours, own} of every taxel, one-hot or 0; registers, a clock behind the registers that the host
         wrote (analog front end).
+    wrote : Out(1)
+        A host wrote a register in the clock before, and ``step`` or ``field_select`` may change at the end of this
+        clock (analog front end that decides in every clock).
     decay_restart : Out(1)
         The decay ticks restart.
     decay_shift, decay_period, window_period : Out
@@ -64,6 +67,7 @@ class Host(Block[ReadoutConfig]):
                 "step": Out(config.resolution),
                 "choice": Out(2 * config.taxels) if adds(config) else None,
                 "field_select": Out(3 * config.taxels) if selects(config) else None,
+                "wrote": Out(1) if config.asks_between_ticks else None,
                 "decay_restart": Out(1) if config.encoder.leaks else None,
                 **{name: found[name] for name in SETTINGS if name in found},
             },
@@ -87,11 +91,16 @@ class Host(Block[ReadoutConfig]):
         spi.connect_all(m, self, PINS)
         file.connect_all(m, spi, BUS)
 
+        wrote = Signal()
+        if config.asks_between_ticks or selects(config):
+            m.d.sync += wrote.eq(spi.write)
+        if config.asks_between_ticks:
+            m.d.comb += self.wrote.eq(wrote)
         clear, restart = file.control_clear, Signal()
         masks = [getattr(file, name) for name in ("mask_taxels", "mask_rest_taxels") if hasattr(file, name)]
         mask: Any = Cat(masks)
         if config.receptive_fields == SETTABLE:
-            mask = mask & self._choose(m, file, spi)
+            mask = mask & self._choose(m, file, wrote)
         m.d.comb += [
             file.clear.eq(clear),
             getattr(file, f"events_count{COUNTS}").eq(self.event_valid & self.event_ready),
@@ -112,7 +121,7 @@ class Host(Block[ReadoutConfig]):
         file.connect_all(m, self, [name for name in SETTINGS if name in self.signature.members])
         return m
 
-    def _choose(self, m: Module, file: RegisterFile, spi: SpiSlave) -> Any:
+    def _choose(self, m: Module, file: RegisterFile, wrote: Signal) -> Any:
         """Connect the fields chosen by the host; return for every taxel whether its field is not off."""
         words = [getattr(file, name) for name in ("fields_taxels", "fields_rest_taxels") if hasattr(file, name)]
         numbers = Signal(2 * self.config.taxels)
@@ -123,8 +132,6 @@ class Host(Block[ReadoutConfig]):
         if selects(self.config):
             # A decoder behind flops may glitch, and two lines together would connect two sensors.
             select = Signal(3 * len(choices), init=sum(1 << 3 * taxel for taxel in range(len(choices))))
-            wrote = Signal()
-            m.d.sync += wrote.eq(spi.write)
             with m.If(wrote):
                 m.d.sync += select.eq(Cat(Cat(choice == number for number in range(3)) for choice in choices))
             m.d.comb += self.field_select.eq(select)

@@ -20,7 +20,7 @@ set_input_delay [expr {{ OUTSIDE }} * $period_ns] -clock {{ clock }} [get_ports 
 set_output_delay [expr {{ OUTSIDE }} * $period_ns] -clock {{ clock }} [get_ports { {{- outputs -}} }]
 {% if decisions and references %}
 
-# References leave early and decisions come late: DACs and comparators have what is between.
+# References and strobes leave early and decisions come late: DACs and comparators have what is between.
 set_input_delay [expr {{ DECISION_IN }} * $period_ns] -clock {{ clock }} [get_ports { {{- decisions -}} }]
 set_output_delay [expr {{ DAC_OUT }} * $period_ns] -clock {{ clock }} [get_ports { {{- references -}} }]
 {% endif %}

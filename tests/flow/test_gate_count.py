@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = ROOT.parent / "shared" / "data" / "ihp-sg13g2" / "sg13g2_stdcell_typ_1p20V_25C.lib"
 
 
-def test_flops_are_those_of_the_design_and_an_analog_front_end_saves_the_samples() -> None:
+def test_flops_are_those_of_the_design_and_an_analog_front_end_has_a_strobe_instead_of_a_sample() -> None:
     config = ReadoutConfig(rows=2, columns=3)
     per_taxel = 8 + 8 + 1 + 1 + 1  # sample and reference on the grid of D, request, polarity, mask
     arbiter = 1 + 1 + 3 + 3  # rows behind, row, latched columns and polarities
@@ -30,7 +30,7 @@ def test_flops_are_those_of_the_design_and_an_analog_front_end_saves_the_samples
     assert counted.flops == 6 * per_taxel + arbiter
     assert counted.gates > counted.flops
     assert counted.area_um2 is None
-    assert counted.flops - count_gates(config.replace(frontend="analog"), 6).flops == 6 * 8
+    assert counted.flops - count_gates(config.replace(frontend="analog"), 6).flops == 6 * (8 - 1)
 
 
 def test_frames_have_no_hardware_in_the_taxel() -> None:

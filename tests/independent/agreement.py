@@ -19,14 +19,15 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.compare import first_difference
 from eskin.model.frame import FrameStimulus
 from eskin.model.frame_config import FrameConfig
-from eskin.model.readout import Stimulus, simulate, state_at
+from eskin.model.readout import Stimulus, simulate, state_at, strobes
 from eskin.model.tiles.config import TilesConfig
 
 
 def steps(config: ReadoutConfig, stimulus: Stimulus, readout: Any) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Yield each clock with the inputs of a readout, a ``Readout`` or what has its outputs and thresholds.
+    """Yield each clock with the inputs of a readout, a ``Readout`` or what has its outputs, thresholds and strobes.
 
-    The clock's edge is applied before the next.
+    The clock's edge is applied before the next. A comparator that follows the signal answers wrongly while its strobe
+    is low.
     """
     receiver = Receiver(stimulus.ack_delay.tolist())
     samples = dict(zip(stimulus.sample_clock.tolist(), stimulus.samples.tolist(), strict=True))
@@ -38,9 +39,10 @@ def steps(config: ReadoutConfig, stimulus: Stimulus, readout: Any) -> Iterator[t
         if config.frontend == "analog" and stimulus.decisions is not None:
             decisions = [(bool(d & 1), bool(d & 2)) for d in stimulus.decisions[clock].tolist()]
         elif config.frontend == "analog":
-            decisions = [
-                ideal(config, x, *threshold) for x, threshold in zip(signal, readout.thresholds(), strict=True)
-            ]
+            decisions = []
+            for x, threshold, strobe in zip(signal, readout.thresholds(), readout.strobes(), strict=True):
+                above, below = ideal(config, x, *threshold)
+                decisions.append((above, below) if strobe else (not above, config.has_polarity and not below))
         inputs = {
             "sample_valid": sample is not None,
             "sample": sample,
@@ -59,7 +61,9 @@ def play(config: ReadoutConfig, stimulus: Stimulus, readout: Readout | None = No
     """Return the events of the second model, and its final state."""
     readout = readout or Readout(Settings.of(config.to_dict()))
     begun = len(readout.events)
+    readout.asked = []
     for _, inputs in steps(config, stimulus, readout):
+        readout.asked.append(readout.strobes())
         readout.clock(**inputs)
     events = [(t, x, y, bool(p)) for t, x, y, p in readout.events[begun:]]
     if config.protocol.rule().late and events and events[-1][0] == stimulus.clocks - 1:
@@ -74,6 +78,8 @@ def differs(config: ReadoutConfig, stimulus: Stimulus, readout: Readout | None =
     found = first_difference(expected, events)
     if found is not None:
         return found.describe(("first", "second"))
+    if found := strobes_differ(config, stimulus, readout.asked):
+        return found
     state, arbiter = state_at(config, stimulus, stimulus.clocks), readout.arbiter
     taxels = [taxel for row in readout.taxels for taxel in row]
     waiting = [taxel.request for taxel in taxels if taxel.request is not None]
@@ -93,6 +99,14 @@ def differs(config: ReadoutConfig, stimulus: Stimulus, readout: Readout | None =
         if np.ravel(a).tolist() != np.ravel(b).tolist():
             return f"{name} at the end: first {np.ravel(a).tolist()}, second {np.ravel(b).tolist()}"
     return ""
+
+
+def strobes_differ(config: ReadoutConfig, stimulus: Stimulus, asked: Any) -> str:
+    """Return the first clock and taxel in which ``compare`` is not that of the model, or an empty text."""
+    if config.frontend != "analog":
+        return ""
+    places = np.argwhere(strobes(config, stimulus) != np.reshape(asked, (-1, config.taxels)))
+    return f"compare of taxel {places[0, 1]} differs in clock {places[0, 0]}" if len(places) else ""
 
 
 def play_skin(config: TilesConfig, stimuli: list[Stimulus]) -> Events:

@@ -39,6 +39,7 @@ class Design:
         self.stimulus = stimulus
         self.driven: dict[str, int] = {}
         self.events: list[tuple[int, int, int, bool]] = []
+        self.asked: list[list[bool]] = []
         self.waiting: tuple[int, ...] | None = None
         self.before = (0, 0, 0)
         if self.played:
@@ -60,6 +61,7 @@ class Design:
     async def _run(self, ctx: Any) -> None:
         self.ctx = ctx
         for clock, given in steps(self.config, self.stimulus, self):
+            self.asked.append(self.strobes())
             self._drive("taxel_enable", given["enable"])
             self._drive("sample_valid", [given["sample_valid"]])
             if given["sample"]:
@@ -86,6 +88,11 @@ class Design:
             width = widths >> taxel * size & (1 << size) - 1 if self.config.closes else self.config.step
             found.append((code - (code >> bits - 1 << bits), width))
         return found
+
+    def strobes(self) -> list[bool]:
+        """Return ``compare`` of every taxel."""
+        word = self._read("compare")
+        return [bool(word >> taxel & 1) for taxel in range(self.config.taxels)]
 
     def _stream(self, clock: int, ready: bool) -> None:
         self._drive("event_ready", [ready])

@@ -9,6 +9,7 @@ from eskin.cocotb_tests.bench.random_run import RandomRun, runs
 from eskin.model.events.compare import first_difference
 from eskin.model.readout import simulate
 from eskin.verify.soak import search
+from tests.independent.agreement import strobes_differ
 from tests.planted import planted
 from tests.random_cases.player import Breach, Design
 
@@ -18,11 +19,14 @@ SMALL: dict[str, Any] = {"rows": (1, 2, 3), "columns": (1, 2, 3), "sample_bits":
 
 def difference(run: RandomRun, design_of: Any = Design) -> str:
     """Return the first difference between RTL and model, or an empty text."""
+    design = design_of(run.config)
     try:
-        found = first_difference(simulate(run.config, run.stimulus), design_of(run.config).play(run.stimulus))
+        found = first_difference(simulate(run.config, run.stimulus), design.play(run.stimulus))
     except Breach as breach:
         return f"the RTL breaks the protocol of its link: {breach}"
-    return "" if found is None else found.describe(("model", "RTL"))
+    if found is None:
+        return strobes_differ(run.config, run.stimulus, design.asked)
+    return found.describe(("model", "RTL"))
 
 
 def smallest(examples: int, seed: int, **axes: Any) -> RandomRun | None:

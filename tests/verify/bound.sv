@@ -3,6 +3,8 @@
 module bound(input wire clk);
   reg rst = 1'b1;
   reg [3:0] taxel_enable = 4'h0, above = 4'h0, below = 4'h0;
+  reg sample_valid = 1'b0;
+  wire [3:0] compare;
   wire [47:0] reference_code;
   wire aer_req;
   reg aer_ack = 1'b0, req_before = 1'b0;
@@ -15,6 +17,7 @@ module bound(input wire clk);
     req_before <= aer_req;
     if (aer_req && !req_before) events <= events + 1;
     if ($urandom % 40 == 0) taxel_enable <= 4'($urandom);
+    sample_valid <= $urandom % 4 == 0;
     if ($urandom % 3 == 0) begin
       above <= 4'($urandom);
       below <= 4'($urandom);

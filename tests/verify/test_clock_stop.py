@@ -108,6 +108,7 @@ CLOSING, LEAKING = PAIR.replace(encoding="cw-lcs"), PAIR.replace(encoding="nlcs"
 HOSTED = LEAKING.replace(registers="spi")
 FRAMES = FrameConfig(readout=FEW)
 BETWEEN = {"sample_valid": 0, "taxel_enable": 3}
+NO_STEP = {"above": 0}
 NO_SAMPLE, SAMPLE = {"sample_valid": 0}, {"sample_valid": 1}
 LINK = ("link.ack_meta", "link.ack_sync", "link.setup")
 PINS = ("spi.sck", "spi.cs_n", "spi.mosi")
@@ -127,14 +128,14 @@ CLOSED = {f"row_0.{name}": 0 for name in FREE}
 IN_ROW = {"granted": 0, "decay": 0, "enable": 3} | NO_SAMPLE
 AT_REST: dict[str, tuple[Any, tuple[str, ...], dict[str, Any]]] = {
     "nothing": (Readout(PAIR), (), IDLE),
-    "nothing, analog": (Readout(LEAKING.replace(frontend="analog")), (), IDLE),
+    "nothing, analog": (Readout(LEAKING.replace(frontend="analog")), (), {"rest": NO_SAMPLE | NO_STEP}),
     "nothing, handshake": (Readout(CLOSING.replace(link="four_phase")), LINK, IDLE | {"held": {"link.ack_sync": 0}}),
     "nothing, host": (Readout(HOSTED), HOST_PINS, IDLE | {"held": {"host.registers.test_mode": 0}}),
     "a sample that is the one before": (Readout(LEAKING), NEWEST, {"rest": BETWEEN, "then": SAMPLE, "held": ON}),
     "its tick, windows closed": (
         Readout(CLOSING.replace(frontend="analog")),
-        ("tick", "awake"),
-        {"rest": BETWEEN | SAMPLE, "then": NO_SAMPLE, "held": CLOSED},
+        ("tick", "row_0.awake", "awake", *(f"row_0.{name}" for name in each("asked"))),
+        {"rest": BETWEEN | SAMPLE | NO_STEP | {"below": 0}, "then": NO_SAMPLE, "held": CLOSED | ON},
     ),
     "its tick, decided by the sample": (
         Row(PAIR.replace(decide_every="sample")),

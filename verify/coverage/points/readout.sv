@@ -40,13 +40,18 @@
 {% endfor %}
 {% endfor %}
 {% include "comparators.sv" %}
-{% if config.frontend == "digital" or config.needs_tick %}
 `COVER(samples_in_two_clocks_running, sample_valid && $past(sample_valid))
 `COVER(sample_in_the_first_clock_behind_a_reset, sample_valid && !rst && $past(rst))
 `COVER(sample_while_a_request_waits, sample_valid && {{ some("T.pending && !T.granted") }})
 `COVER(sample_in_the_clock_in_which_a_request_is_taken, sample_valid && {{ some("T.request && T.granted") }})
-{% endif %}
 {% set crossed = "(T.above || T.below)" if config.has_polarity else "T.above" %}
+{% if config.frontend == "analog" %}
+{% set crossed = "T.compare && " ~ crossed %}
+`COVER(asked_while_a_request_waits, {{ some("T.compare && T.pending && !T.granted && T.enable") }})
+`COVER(not_asked_in_the_clock_in_which_a_request_is_taken, {{ some("!T.compare && T.request && T.granted") }})
+`COVER(asked_without_a_sample_before, {{ some("T.compare && !$past(sample_valid)") }})
+`COVER(the_comparators_are_ignored, {{ some("!T.compare && T.enable && !T.pending && T.above") }})
+{% endif %}
 `COVER(disabled_while_its_request_waits, {{ some("T.pending && !T.enable && !T.granted") }})
 `COVER(disabled_in_the_clock_in_which_its_row_is_granted, {{ some("T.pending && !T.enable && T.granted") }})
 `COVER(disabled_while_its_event_is_latched, {{ some("arbiter.waiting[COLUMN] && arbiter.event_row == ROW && !T.enable") }})
@@ -80,9 +85,9 @@
 {% set sign = "T.charge[%d] && " % (high + 1) if config.has_polarity else "" %}
 `COVER(charge_0_behind_a_charge, {{ some("T.charge == 0 && $past(T.charge) != 0 && !rst") }})
 {% if config.frontend == "analog" %}
-`COVER(a_step_up_that_would_leave_the_scale_is_not_made, {{ some("T.above && T.enable && %s%s&T.charge[%d:%d]" % ("!" if sign else "", sign, high, low)) }})
+`COVER(a_step_up_that_would_leave_the_scale_is_not_made, {{ some("T.compare && T.above && T.enable && %s%s&T.charge[%d:%d]" % ("!" if sign else "", sign, high, low)) }})
 {% if config.has_polarity %}
-`COVER(a_step_down_that_would_leave_the_scale_is_not_made, {{ some("T.below && !T.above && T.enable && %s~|T.charge[%d:%d]" % (sign, high, low)) }})
+`COVER(a_step_down_that_would_leave_the_scale_is_not_made, {{ some("T.compare && T.below && !T.above && T.enable && %s~|T.charge[%d:%d]" % (sign, high, low)) }})
 {% endif %}
 {% endif %}
 {% else %}
@@ -92,8 +97,8 @@
 `COVER(reference_at_the_top_level, {{ some("T.%s == %s" % (name, top)) }})
 `COVER(reference_at_the_lowest_level_that_is_asked_for, {{ some("T.%s == %s" % (name, lowest)) }})
 {% if config.frontend == "analog" %}
-`COVER(a_step_up_that_would_leave_the_scale_is_not_made, {{ some("T.above && T.enable && !T.fits && T.%s == %s" % (name, top)) }})
-`COVER(a_step_down_that_would_leave_the_scale_is_not_made, {{ some("T.below && T.enable && !T.fits && T.%s == %s" % (name, bottom)) }})
+`COVER(a_step_up_that_would_leave_the_scale_is_not_made, {{ some("T.compare && T.above && T.enable && !T.fits && T.%s == %s" % (name, top)) }})
+`COVER(a_step_down_that_would_leave_the_scale_is_not_made, {{ some("T.compare && T.below && T.enable && !T.fits && T.%s == %s" % (name, bottom)) }})
 {% endif %}
 {% endif %}
 {% if config.closes %}

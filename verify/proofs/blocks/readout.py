@@ -28,6 +28,8 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         "leaves_in_time": lambda config: config.protocol.streams,
         "masked_for_good": lambda config: config.protocol.streams,
         "masked_is_reset": shows_steps,
+        "deaf_unless_asked": shows_steps,
+        "asks_at_ticks": lambda config: config.frontend == "analog",
         "others_do_not_move": shows_steps,
     }
 
@@ -44,6 +46,12 @@ class ReadoutChecker(Checker[ReadoutConfig]):
             step, up = self._steps_within(m)
         yield from self._queue(m, enable, step, up, event, polarity)
         yield from self._masked(m, enable, event)
+        if config.frontend == "analog":
+            asks = pick([*self.compare], self.watch)
+            ticked = before(m, enable & self.sample_valid, "ticked")
+            yield "asks_at_ticks", implies(ticked, asks), ticked
+            if shows_steps(config):
+                yield "deaf_unless_asked", implies(step, before(m, asks, "asked")), step
 
     def inner(self, config: ReadoutConfig) -> dict[str, Any]:
         return dict.fromkeys(self.places(config), In(1))

@@ -149,7 +149,10 @@ class HostChecker(Checker[ReadoutConfig]):
     """
 
     block: ClassVar[type[Host]] = Host
-    only: ClassVar = {"restarts_when_told": lambda config: config.encoder.leaks}
+    only: ClassVar = {
+        "restarts_when_told": lambda config: config.encoder.leaks,
+        "tells_of_writes": lambda config: config.asks_between_ticks,
+    }
 
     def check(self, m: Module) -> Promises:
         sent = self._transfers(m)
@@ -186,6 +189,11 @@ class HostChecker(Checker[ReadoutConfig]):
         yield from self._reading(m, sent, words)
         silent = implies(value["test_mode"] == 0, self.row_request == 0)
         yield "no_pattern_unasked", silent, self.row_request != 0
+        if self.has("wrote"):
+            told, shown = before(m, self.wrote, "told"), Cat(self.step, self.port("field_select"))
+            moves = begun & (shown != before(m, shown, "shown"))
+            exact = self.wrote == before(m, sent.complete, "complete")
+            yield "tells_of_writes", exact & implies(moves, told), moves
         if self.config.encoder.leaks:
             due = before(m, writes["decay"], "decay") | clear
             yield "restarts_when_told", self.decay_restart == due, due

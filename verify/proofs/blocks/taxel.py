@@ -29,6 +29,7 @@ class Now:
     reference: Value
     half_width: Value
     wants_event: Value  # the taxel decides, and a comparator is high, on the scale or off it
+    allowed: Value  # the step of the comparators stays on the scale
     acts: Value  # the taxel raises an event at the end of this clock
     up: Value  # direction of the step
     then: Value  # the reference after this clock, as an integer of more bits than the scale
@@ -45,6 +46,9 @@ class TaxelChecker(Checker[ReadoutConfig]):
         "window_opens": lambda config: config.closes,
         "leak_is_monotone": _leaks,
         "leak_reaches_floor": _leaks,
+        "asks_exactly": _analog,
+        "seen_at_ticks": _analog,
+        "holding_is_enough": lambda config: config.asks_between_ticks,
         "code_is_floor": lambda config: _leaks(config) and _analog(config),
     }
 
@@ -84,6 +88,8 @@ class TaxelChecker(Checker[ReadoutConfig]):
         yield from self._requests(m, now)
         yield from self._moves(m, now)
         yield from self._stillness(m, now)
+        if _analog(self.config):
+            yield from self._strobe(m, now)
 
     @property
     def _fraction(self) -> int:
@@ -139,20 +145,23 @@ class TaxelChecker(Checker[ReadoutConfig]):
             m.d.comb += half_width.eq((self.window_half_width * self._d) >> config.closing_levels_log2)
 
         free = self.enable & (~self.request | self.granted)
-        decides = free & (self.tick if config.decide_every == "sample" else Const(1))
+        decides = free & (self.tick if config.decide_every == "sample" and not _analog(config) else Const(1))
+        if _analog(config):
+            decides &= self.compare
         above, below = self._comparators(m, reference, half_width)
         up = Value.cast(above)
         moved = Mux(up, reference + half_width, reference - half_width)
         top, bottom = config.full_scale << fraction, config.encoder.lowest(config) << fraction
         wants_event = decides & (above | below)
-        acts = wants_event & (moved >= bottom) & (moved < top)
+        allowed = (moved >= bottom) & (moved < top)
+        acts = wants_event & allowed
         leak: Any = 0
         if _leaks(config):
             leak = Mux(free & self.decay, self._shifted(reference + self._floor(self._k), self._k), 0)
             if config.has_polarity:  # a step towards zero replaces the leak
                 leak = Mux(acts & (up == (reference < 0)), 0, leak)
         m.d.comb += then.eq(reference + Mux(acts, Mux(up, half_width, -half_width), 0) - leak)
-        return Now(reference, half_width, wants_event, acts, up, then)
+        return Now(reference, half_width, wants_event, allowed, acts, up, then)
 
     def _floor(self, shift: Any) -> Any:
         return 1 << (shift - 1) if isinstance(shift, int) else (Const(1) << shift) >> 1
@@ -249,6 +258,41 @@ class TaxelChecker(Checker[ReadoutConfig]):
         if self.config.closes:
             reset &= now.half_width == self._d
         yield "disabled_is_reset", implies(off, reset), off & (before(m, now.reference, "u_off") != self._init)
+
+    def _strobe(self, m: Module, now: Now) -> Promises:
+        """Check when the comparators are asked.
+
+        ``holding_is_enough`` is why the strobe changes no event of a signal that changes only at sample ticks: a
+        comparator's answer depends on signal, reference and half-width, so an answer of this clock would be the last
+        answer. The last answer allowed no step, and a readout that asks in every clock does nothing either. A host
+        changes D and fields only together with ``ask`` (``HostChecker``).
+        """
+        config = self.config
+        below = self.below if config.has_polarity else Const(0)
+        answered = self.compare & (self.above | below) & now.allowed
+        on = before(m, self.enable, "enabled")
+        asked, ended = before(m, self.enable & self.ask, "asked"), before(m, self.enable & ~on, "ended")
+        expected: Any = asked
+        if config.asks_between_ticks:
+            free = ~self.request | self.granted
+            leaks = free & self.decay if _leaks(config) else Const(0)
+            narrower = (now.half_width < before(m, now.half_width, "h")) & self._same if config.closes else Const(0)
+            again = before(m, self.enable & (answered | leaks), "answered_or_leaked")
+            expected = asked | ended | again | (narrower & on)
+        known = self._same if config.closes else Const(1)  # another D also changes the width
+        seen = self.compare & ~asked if config.asks_between_ticks else asked
+        yield "asks_exactly", implies(known, self.compare == expected), seen
+        crossed = before(m, asked & now.acts, "crossed")
+        yield "seen_at_ticks", implies(asked, self.compare) & implies(crossed & self.enable, self.request), crossed
+        if config.asks_between_ticks:
+            last = Signal(now.reference.shape(), name="u_last"), Signal(now.half_width.shape(), name="h_last")
+            stepped, steady = Signal(), Signal()
+            with m.If(self.compare):
+                m.d.sync += [last[0].eq(now.reference), last[1].eq(now.half_width), stepped.eq(answered)]
+            m.d.sync += steady.eq(self.compare | (steady & self._same))
+            held = (now.reference == last[0]) & (now.half_width == last[1]) & ~stepped & ~before(m, self.ask, "ask")
+            rests = self.enable & on & ~self.compare
+            yield "holding_is_enough", implies(rests & steady & self._same, held), rests & self.request
 
 
 def _magnitude(m: Module, value: Value, name: str) -> Signal:

@@ -1,7 +1,7 @@
 """Properties of the closing window of CW-LCS."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 from amaranth.hdl import Module, Mux, Signal
 
@@ -14,6 +14,7 @@ class WindowChecker(Checker[ReadoutConfig]):
     """Checker of one taxel's window; the period set by a host is free."""
 
     block = ClosingWindow
+    only: ClassVar = {"says_narrows": lambda config: config.asks_between_ticks}
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
         """Drive the period with any value in range."""
@@ -34,6 +35,8 @@ class WindowChecker(Checker[ReadoutConfig]):
         yield "says_closed", self.closed == (width == 1), self.closed
         closes = (width + 1 == old) & ticked
         yield "closes_step_by_step", opened | (width == old) | closes, closes
+        narrows = before(m, self.port("narrows") & ~self.open, "narrows")
+        yield "says_narrows", (width < old) == narrows, narrows
         due, done = self._set(m, levels) if self.config.registers != "none" else self._built(m, levels, period)
         yield "closes_on_time", width == levels - due, done
 
