@@ -12,7 +12,7 @@ from cocotbext.aer import AerBus, AerChecker, AerEvent, AerMonitor, AerSink
 
 from eskin.cocotb_tests.bench.block import begin, payload, report
 from eskin.cocotb_tests.independent.arbiter import Event
-from eskin.cocotb_tests.independent.link import FourPhaseLink
+from eskin.cocotb_tests.independent.link import LINKS, FourPhaseLink
 from eskin.cocotb_tests.runner.block import cosimulate
 from eskin.model.config import ReadoutConfig
 
@@ -35,7 +35,9 @@ class LinkBench:
     def __init__(self, dut: Any) -> None:
         self.dut = dut
         self.config, self.rng, self.block, self.check = begin(dut)
-        self.link, self.bus = FourPhaseLink(), AerBus.from_prefix(dut, "aer")
+        link = LINKS[self.config.link]()
+        assert isinstance(link, FourPhaseLink)
+        self.link, self.bus = link, AerBus.from_prefix(dut, "aer")
         self.longest_ps = 1  # delay of the receiver
         self.sent: list[AerEvent] = []
         self.event: Event | None = None

@@ -7,7 +7,7 @@ import pytest
 
 from eskin.cocotb_tests import test_readout, test_taxel
 from eskin.cocotb_tests.bench.random_run import RandomRun, runs
-from eskin.model.cases import count
+from eskin.model.cases import CHOICES, count
 from eskin.model.config import ReadoutConfig
 from eskin.verify.coverage import plan as coverage
 from eskin.verify.faults import plan as faults
@@ -22,7 +22,7 @@ Reasons = dict[tuple[str, str], str]
 LATER: Reasons = {("clock gates", "yes"): "the plan of clock gates proves that they change no flop and no output"}
 BY_NATURE: Reasons = {("clock gates", "no"): "the plan is about designs with clock gates"}
 OUTSIDE: Reasons = {
-    **{("link", link): "a taxel has no link" for link in ("four_phase", "four_phase_dual")},
+    **{("link", link): "a taxel has no link" for link in CHOICES["link"][1:]},
     **{
         ("receptive_fields", name): "a taxel gets its signal from them"
         for name in ("neighbours", "both", "settable", "listed")

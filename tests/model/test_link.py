@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from eskin.cocotb_tests.independent.link import LINKS as INDEPENDENT
 from eskin.cocotb_tests.independent.link import FourPhaseLink, Receiver
 from eskin.model import readout
 from eskin.model.cases import axes, cases
@@ -21,11 +22,17 @@ from eskin.model.readout import TAKEN, WAITED, Stimulus, simulate_counted
 DELAYS = st.lists(st.integers(1, 100).filter(lambda delay: delay % 8), min_size=1, max_size=6)
 
 
-@given(DELAYS, st.lists(st.booleans(), min_size=1, max_size=60))
-def test_model_equals_the_independent_model_clock_by_clock(delays: list[int], offers: list[bool]) -> None:
-    link = FourPhase()
+HANDSHAKES = [link for link in LINKS if isinstance(link, FourPhase)]
+
+
+@pytest.mark.parametrize("link", HANDSHAKES, ids=lambda link: link.name)
+@given(delays=DELAYS, offers=st.lists(st.booleans(), min_size=1, max_size=60))
+def test_model_equals_the_independent_model_clock_by_clock(
+    link: FourPhase, delays: list[int], offers: list[bool]
+) -> None:
     rule, sink = link.rule(), Sink(np.ones(1, np.uint8), np.array(delays))
-    state, reference, receiver = link.new_state(), FourPhaseLink(), Receiver(delays)
+    state, reference, receiver = link.new_state(), INDEPENDENT[link.name](), Receiver(delays)
+    assert isinstance(reference, FourPhaseLink)
     for clock in range(300):
         offered = offers[clock % len(offers)]
         ready = link.ready(rule, state, sink, clock)

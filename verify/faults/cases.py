@@ -151,7 +151,8 @@ def ack_never_falls(config: ReadoutConfig) -> tuple[int, int]:
     _, stuck, outputs, codes = _disturbed(config, True, "ack_high", STUCK)
     req = np.sum([outputs[name] for name in config.protocol.requests], axis=0)
     rises = np.diff(req, axis=0, prepend=0) > 0
-    settled = stuck & np.roll(stuck, 4, axis=0)  # a REQ on its way when ACK sticks still rises, three clocks later
+    # A REQ on its way when ACK sticks still rises; the edges of ACK take five of an event's clocks, its flops two.
+    settled = stuck & np.roll(stuck, config.protocol.clocks_per_event - 5 + 2, axis=0)
     quiet = ~(rises & settled).any(axis=0)
     alike = _balance(config, codes) == _balance(config, codes[:, :1])
     return int((quiet & alike.all(axis=0))[1 : PHASES + 1].sum()), PHASES
