@@ -14,7 +14,7 @@ FLOP = re.compile(r"\$_DFF_P([PN]?)([01]?)_")
 """Flops with a rising clock edge, with level and value of their asynchronous reset, if any."""
 
 MITER = (
-    "read_json both.json; read_verilog miter.v; hierarchy -top miter; flatten; opt_clean; aigmap; opt_clean; "
+    "read_json both.json; read_verilog miter.v; hierarchy -top miter; flatten; aigmap; "
     "write_aiger miter.aig; design -reset; "
 )
 SOLVE = ("read_aiger miter.aig", "strash", "ifraig", "fraig -C 1000000", "write_aiger done.aig")

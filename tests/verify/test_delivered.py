@@ -8,6 +8,7 @@ import pytest
 
 from eskin.board.config import BoardConfig, SerialConfig
 from eskin.board.gateware import top as board
+from eskin.model.bus.config import BusConfig
 from eskin.model.cases import AXES, axes, pairs, singles, values_of
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
@@ -34,6 +35,7 @@ KINDS: dict[str, Config] = {
     "frames": FrameConfig(readout=READOUT),
     "tiles": TILES,
     "merge": MergeConfig(TILES),
+    "bus": BusConfig(readout=READOUT.replace(registers="spi"), time_bits=5),
     "classifier": CLASSIFIER,
     "chip": ChipConfig(readout=SMALL, classifier=CLASSIFIER),
 }
