@@ -17,14 +17,15 @@ class Comparators:
     """Comparators with non-ideal parameters in 1/16 code; ideal by default."""
 
     offset: NDArray[np.int64] | None = None  # of the comparators above and below, shape (2, taxels)
-    noise: int = 0  # largest value of a uniform noise, drawn anew in every clock
+    noise: int = 0  # largest value of a uniform noise, drawn anew for every answer
     hysteresis: int = 0  # distance by which a signal must return before a high comparator falls
     seed: int = 1  # seed of the noise, not 0
+    holds: bool = False  # hold the last answer while ``compare`` is low; otherwise answer wrongly
 
     def write(self, config: ReadoutConfig, folder: Path, record: bool) -> None:
         """Write comparators.bin for the harness (see harness.v)."""
         offset = np.zeros((2, config.taxels), np.int64) if self.offset is None else self.offset
-        words = np.concatenate([[self.noise, self.hysteresis, self.seed, record], offset.ravel()])
+        words = np.concatenate([[self.noise, self.hysteresis, self.seed, record, self.holds], offset.ravel()])
         (folder / "comparators.bin").write_bytes(words.astype(">i4").tobytes())
 
 

@@ -156,12 +156,12 @@ module harness;
   wire [TAXELS*WIDTH_BITS-1:0] half_width;
 `endif
   // The comparator macros of the taxels: they look at the signal that the last sample tick brought while compare is
-  // high, and settle in the middle of the clock. While compare is low they answer wrongly.
+  // high, and settle in the middle of the clock. While compare is low they answer wrongly, or hold their last answer.
   wire [TAXELS-1:0] compare;
   reg [TAXELS*SIGNAL_BITS-1:0] held = 0;
   reg [TAXELS-1:0] above = 0, above_last = 0;
   reg [TAXELS-1:0] below = 0, below_last = 0;
-  reg [31:0] comparators [0:3+2*TAXELS];
+  reg [31:0] comparators [0:4+2*TAXELS];
   reg [31:0] dice = 1;
   integer i, code, width, signal;
 
@@ -178,8 +178,8 @@ module harness;
     end else begin
       if (compare !== 0)
         for (i = 0; i < TAXELS; i = i + 1) if (compare[i]) look;
-      above = above_last ~^ compare;
-      below = below_last ~^ compare;
+      above = comparators[4] != 0 ? above_last : above_last ~^ compare;
+      below = comparators[4] != 0 ? below_last : below_last ~^ compare;
     end
 
   task look;
@@ -191,9 +191,9 @@ module harness;
 `else
       width = STEP;
 `endif
-      above_last[i] = seen(signal, 4 + i, above_last[i]) >= (code + width + BEYOND) * (1 << FRACTION_BITS);
+      above_last[i] = seen(signal, 5 + i, above_last[i]) >= (code + width + BEYOND) * (1 << FRACTION_BITS);
 `ifdef POLARITY
-      below_last[i] = -seen(-signal, 4 + TAXELS + i, below_last[i]) < (code - width) * (1 << FRACTION_BITS);
+      below_last[i] = -seen(-signal, 5 + TAXELS + i, below_last[i]) < (code - width) * (1 << FRACTION_BITS);
 `endif
     end
   endtask

@@ -33,14 +33,18 @@ PACKED = 2**18
 
 
 def write_stimulus(
-    config: ReadoutConfig, folder: Path, stimulus: Stimulus, comparators: Comparators | None = None
+    config: ReadoutConfig,
+    folder: Path,
+    stimulus: Stimulus,
+    comparators: Comparators | None = None,
+    record: bool = False,
 ) -> None:
     """Write the files that the harness plays (see harness.v)."""
     stimulus.check(config)
     clocks = np.unique(np.concatenate([stimulus.sample_clock, stimulus.enable_clock, [0]]))
     clocks = clocks[clocks < stimulus.clocks]
     gap = np.diff(clocks, append=stimulus.clocks)
-    (comparators or Comparators()).write(config, folder, record=comparators is not None)
+    (comparators or Comparators()).write(config, folder, record)
     with (folder / "stimulus.bin").open("wb") as file:
         size = max(PACKED // config.taxels, 1)
         for start in range(0, len(clocks), size):

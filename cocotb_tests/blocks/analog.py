@@ -54,7 +54,7 @@ class FaultyRun:
     skip: bool = False
 
     def write(self, folder: Path) -> None:
-        write_stimulus(self.config, folder, self.stimulus, self.comparators)
+        write_stimulus(self.config, folder, self.stimulus, self.comparators, record=True)
 
     def report(self, folder: Path, outcome: Outcome) -> dict[str, Any]:
         decisions = read_decisions(self.config, folder)

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from eskin.cocotb_tests.bench.analog import Comparators
 from eskin.cocotb_tests.bench.readout import read_events, write_stimulus
 from eskin.cocotb_tests.runner.simulator import HARNESS, shape
 from eskin.flow import programs
@@ -35,7 +36,7 @@ def play(
         inside=2 * HALF_NS * scenario.clocks + 6,
         file=DUMP,
     )
-    write_stimulus(config, folder, scenario.stimulus)
+    write_stimulus(config, folder, scenario.stimulus, Comparators(holds=True))
     if any(port.name == "test_enable" for port in netlist.ports):  # the extra port of netlists
         macros = macros | {"TEST_ENABLE": "1"}
     defined = "".join(f"`define {name} {value}\n" for name, value in macros.items())

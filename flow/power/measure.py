@@ -16,7 +16,16 @@ from eskin.flow.power.activity import Activity
 from eskin.flow.power.event_bench import play
 from eskin.flow.power.liberty_power import CellActivity, LibertyPower
 from eskin.flow.power.opensta_power import OpenstaPower
-from eskin.flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, TEXTURE, closing_ticks, scenarios
+from eskin.flow.power.scenarios import (
+    CLOSING,
+    IDLE,
+    LONE,
+    SATURATED,
+    TEXTURE,
+    closing_ticks,
+    comparisons,
+    scenarios,
+)
 from eskin.flow.wire import FARAD_PER_UM, WITHIN_UM
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
@@ -157,6 +166,9 @@ def _summary(
         "energy_per_lone_event_j": energy(LONE, CLOSING if CLOSING in found else IDLE),  # few events: windows close
         "energy_per_texture_event_j": energy(TEXTURE),
     }
+    asked = {}
+    if isinstance(config, ReadoutConfig) and config.frontend == "analog":  # for the energy of the comparators outside
+        asked = {"comparisons": {scenario.name: comparisons(config, scenario) for scenario in scenarios(config)}}
     closing = {}
     if isinstance(config, ReadoutConfig) and CLOSING in found:
         power = found[CLOSING].power_w / taxels
@@ -179,6 +191,7 @@ def _summary(
         **{name: value for name, value in energies.items() if value is not None},
         "idle_w_per_taxel": idle.power_w / taxels,
         **closing,
+        **asked,
         "leakage_w_per_taxel": idle.leakage_w / taxels,
         "scenarios": {name: vars(stretch) | {"power_w": stretch.power_w} for name, stretch in found.items()},
     }

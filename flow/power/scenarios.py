@@ -13,7 +13,7 @@ from eskin.base.errors import InputError
 from eskin.cocotb_tests.bench.textures import scan
 from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
-from eskin.model.readout import Stimulus, simulate
+from eskin.model.readout import Stimulus, simulate, strobes
 
 IDLE, CLOSING, LONE, SATURATED, TEXTURE = "idle", "closing", "lone", "saturated", "texture"
 TEXTURE_START = 60
@@ -42,6 +42,12 @@ class Scenario:
     def inside(self, events: Events) -> int:
         """Return the number of given events in the window."""
         return int(np.count_nonzero((events["t"] >= self.start) & (events["t"] < self.start + self.clocks)))
+
+
+def comparisons(config: ReadoutConfig, scenario: Scenario) -> int:
+    """Return the strobes of all taxels in the window of a scenario (analog front end)."""
+    window = slice(scenario.start, scenario.start + scenario.clocks)
+    return int(strobes(config, scenario.stimulus)[window].sum())
 
 
 def scenarios(config: ReadoutConfig, ticks: int = 30) -> list[Scenario]:

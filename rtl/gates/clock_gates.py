@@ -28,6 +28,8 @@ SYNCHRONISERS = {
 MEMORY = "$memrd_v2"
 """Cell of a read port. A macro may replace a module that has one, so no register of this module gets a gate."""
 
+FLOPS_IN_JSON = ("$dff", "$dffe", "$adff", "$adffe")
+
 FEWEST_FLOPS = 3
 """Flops with one enable that are worth a clock gate."""
 
@@ -76,7 +78,7 @@ def gated(rtlil: str, top: str, synchronous_reset: bool) -> str:
     stop_enables(design)
     stop_blocks(design, synchronous_reset)
     for module_name, module in design["modules"].items():
-        _keep_apart(module, SYNCHRONISERS.get(module_name, ()))
+        _keep_apart(module, (*SYNCHRONISERS.get(module_name, ()), *_entangled(module)))
         named = [net["bits"] for net in module["netnames"].values() if not net["hide_name"]]
         for name, cell in module["cells"].items():
             if cell["type"] == GATE and cell["connections"]["enable"] not in named:
@@ -99,6 +101,21 @@ def _tested(modules: dict[str, Any]) -> set[str]:
     }:
         found |= more
     return found - {GATE}
+
+
+def _entangled(module: dict[str, Any]) -> list[str]:
+    """Return the registers of which an output or another signal has some bits, beside bits of its own."""
+    nets = {name: net["bits"] for name, net in module["netnames"].items() if not net["hide_name"]}
+    names = {tuple(bits): name for name, bits in nets.items() if name not in module["ports"]}
+    outputs = [port["bits"] for port in module["ports"].values() if port["direction"] == "output"]
+    found = []
+    for cell in module["cells"].values():
+        own = set(cell["connections"]["Q"]) if cell["type"] in FLOPS_IN_JSON else set()
+        name = names.get(tuple(cell["connections"]["Q"])) if own else None
+        others = [set(bits) for bits in [*nets.values(), *outputs]]
+        if name and any(own & bits and bits - own for bits in others):
+            found.append(name)
+    return found
 
 
 def _keep_apart(module: dict[str, Any], registers: Collection[str]) -> None:

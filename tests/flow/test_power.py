@@ -23,7 +23,7 @@ from eskin.flow.power.liberty_power import LibertyPower
 from eskin.flow.power.measure import Disagreement, PowerMeter, measure, wires_f
 from eskin.flow.power.opensta_power import OpenstaPower
 from eskin.flow.power.results import name_of
-from eskin.flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, scenarios
+from eskin.flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, comparisons, scenarios
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
@@ -182,6 +182,14 @@ def test_scenarios_are_what_their_names_say(encoding: str) -> None:
     assert np.diff(lone.events["t"]).min() > 8
     assert lone.events_inside >= min(10, config.taxels)  # a leaky taxel fires once: its reference takes long to fall
     assert 0 < texture.events_inside < texture.clocks
+
+
+def test_an_analog_taxel_is_asked_once_a_sample_and_once_more_for_an_event() -> None:
+    config = ReadoutConfig(rows=2, columns=2, frontend="analog")
+    idle, lone, *_ = scenarios(config)
+    for scenario in (idle, lone):
+        ticks = scenario.clocks // config.clocks_per_sample
+        assert comparisons(config, scenario) == ticks * config.taxels + scenario.events_inside
 
 
 def test_windows_are_closed_while_idle_and_close_before() -> None:
