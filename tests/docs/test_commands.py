@@ -33,9 +33,11 @@ ROOT = Path(__file__).parents[2]
 PAGES = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",
-    ROOT / "studies" / "README.md",
+    *(ROOT / folder / "README.md" for folder in ("studies", "cocotbext-aer", "cocotb_tests/independent")),
+    ROOT / "skin" / "recordings" / "finger" / "README.md",
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
+"""All pages but the changelog, which also names commands of the past."""
 FENCE = re.compile(r"^```\w*\n(.*?)^```", re.DOTALL | re.MULTILINE)
 RUN = (
     "eskin encode skin.csv --sample-rate 1000 --rows 2 --columns 3 -o skin.npz",
