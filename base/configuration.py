@@ -2,7 +2,7 @@
 
 import dataclasses
 import json
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, Self, get_args, get_type_hints
@@ -32,12 +32,18 @@ def refuse_unknown(names: Collection[str], known: Collection[str], noun: str) ->
         raise InputError(f"unknown {noun} field {unknown[0]!r}; known fields are {', '.join(sorted(known))}")
 
 
-_hints = cache(get_type_hints)  # which takes a millisecond
-
-
 def hints_of(cls: type) -> dict[str, Any]:
     """Return the types of the fields of a configuration class."""
-    return _hints(cls)
+    return {name: hint for name, hint, _ in _types(cls)}
+
+
+def _read_types(cls: Any) -> list[tuple[str, Any, tuple[Any, ...]]]:
+    hints = get_type_hints(cls)
+    return [(one.name, hints[one.name], get_args(hints[one.name])) for one in dataclasses.fields(cls)]
+
+
+_types: Callable[[Any], list[tuple[str, Any, tuple[Any, ...]]]] = cache(_read_types)
+"""Return name, type and choices of the fields of a class; get_type_hints takes a millisecond."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,18 +59,18 @@ class Configuration:
 
     def _check_types(self, but: Collection[str] = ()) -> None:
         """Check the types of all fields; convert an int to float if the field may be a float."""
-        hints = hints_of(type(self))
-        for name in (one.name for one in dataclasses.fields(self) if one.name not in but):
-            hint, value, label = hints[name], getattr(self, name), self._label(name)
-            choices = get_args(hint)
+        for name, hint, choices in _types(type(self)):
+            value = getattr(self, name)
+            if name in but:
+                continue
             if choices and isinstance(choices[0], str):
                 if value not in choices:
-                    raise InputError(f"{label} must be one of {', '.join(choices)}, not {value!r}")
-            elif float in (hint, *choices) and type(value) is int and abs(value) < 2**53:
+                    raise InputError(f"{self._label(name)} must be one of {', '.join(choices)}, not {value!r}")
+            elif type(value) is int and float in (hint, *choices) and abs(value) < 2**53:
                 object.__setattr__(self, name, float(value))
             elif type(value) not in (choices or (hint,)):
                 wanted = " or ".join("None" if one is type(None) else one.__name__ for one in choices or (hint,))
-                raise InputError(f"{label} must be of type {wanted}, not {value!r}")
+                raise InputError(f"{self._label(name)} must be of type {wanted}, not {value!r}")
 
     def _check_range(self, name: str, low: float, high: float, high_name: str = "", low_name: str = "") -> None:
         value = getattr(self, name)
@@ -105,4 +111,4 @@ class Configuration:
 
     @classmethod
     def _check_names(cls, names: Collection[str]) -> None:
-        refuse_unknown(names, {field.name for field in dataclasses.fields(cls)}, cls.noun[1])
+        refuse_unknown(names, {name for name, _, _ in _types(cls)}, cls.noun[1])

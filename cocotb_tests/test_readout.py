@@ -1,5 +1,6 @@
 """Compare the whole readout with the model: encoders, arrays, links, front ends, sinks, masks and resets."""
 
+import functools
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,7 @@ def play(config: ReadoutConfig, program: Build, folder: Path, seed: int = 0) -> 
     assert tally.cut > 0
 
 
+@functools.cache
 def breadth() -> list[ReadoutConfig]:
     """Return configurations in which any two values of any two settings meet."""
     return pairs(BASE, **AXES | {"array": ARRAYS, "resolution": (1, 6, 10)})
