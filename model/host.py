@@ -73,14 +73,14 @@ def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins
         clear = signals["control_clear"] == 1
         found = Settings.of(config, signals)
         test = Pattern(**{name: signals[f"test_{name}"] for name in Pattern._fields if f"test_{name}" in signals})
-        choice = np.array([found.receptive_fields >> 2 * taxel & 3 for taxel in range(config.taxels)], np.uint8)
+        pairs = _bits(found.receptive_fields, 2 * config.taxels)
+        choice = pairs[0::2] + 2 * pairs[1::2]
         now = choice if config.frontend == "digital" else selected
         selected = choice
         if config.receptive_fields == SETTABLE:
             keep(choices, now)
         shown = found.mask if test.mode == OFF and not clear else 0
-        enabled = np.logical_and(mask, np.array([shown >> bit & 1 for bit in range(config.taxels)]))
-        keep(masks, enabled & (choice != OFF_FIELD))
+        keep(masks, mask & (_bits(shown, config.taxels) == 1) & (choice != OFF_FIELD))
         steady = (config.resolution - resolution, found.leak_shift, found.leak_period, found.window_period, *test)
         restarts = (int("test_mode" in file.written or clear), int("decay_period" in file.written or clear))
         if steady != before or any(restarts):
@@ -102,3 +102,9 @@ def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins
         choice=np.array([*choices.values()], np.uint8).reshape(-1, config.taxels),
         write_clock=np.array(writes, np.int64),
     )
+
+
+def _bits(word: int, count: int) -> NDArray[np.uint8]:
+    """Return the lowest bits of a word, the least significant first, shape (count,)."""
+    stored = np.frombuffer(word.to_bytes(-(-count // 8), "little"), np.uint8)
+    return np.unpackbits(stored, count=count, bitorder="little")

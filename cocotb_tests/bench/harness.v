@@ -24,6 +24,9 @@
 // every clock; a comparator that is high stays high until the signal is back by the hysteresis. decisions.txt has a line
 // for every clock: what the comparators above and below found, in hexadecimal.
 //
+// With REGISTERS, host.bin has a byte for every clock with the levels of a host's pins: {0: 5, mosi: 1, cs_n: 1, sck: 1}.
+// The host rests behind its end. miso.txt has a line for each of these clocks: {spi_miso_enable, spi_miso}.
+//
 // With CHIP the readout has its classifier behind it. weights.hex and neurons.hex are written into its memories while
 // the reset holds. Events are in events.txt then, a line each: the clock from which the event was offered, the clock in
 // which it was taken, and its channel; classes.txt has one for every bin: clock, class, overrun, stalls, sums over all potentials and
@@ -39,6 +42,7 @@
 module harness;
   parameter TAXELS = 64;
   parameter SAMPLE_BITS = 12;
+  parameter COLUMNS = 8;
   parameter ROW_BITS = 3;
   parameter COLUMN_BITS = 3;
 
@@ -141,19 +145,36 @@ module harness;
 
   reg running = 0;
   reg rst = 1;
+`ifdef REGISTERS
+  localparam [2:0] REST = 2;
+  reg [2:0] host = REST;
+  reg hosted = 0;  // the host has not come to its end
+  wire spi_miso, spi_miso_enable;
+  integer host_file, miso_file, levels;
+`endif
   reg sample_valid = 0;
   reg [TAXELS-1:0] taxel_enable = 0;
   reg [TAXELS*SIGNAL_BITS-1:0] sample = 0;
 
 `ifdef ANALOG
   wire [TAXELS*SAMPLE_BITS-1:0] reference_code;
-`ifdef CLOSES
 `ifdef REGISTERS
   localparam WIDTH_BITS = SAMPLE_BITS - 2;
 `else
   localparam WIDTH_BITS = $clog2(STEP) + 1;
 `endif
+`ifdef CLOSES
   wire [TAXELS*WIDTH_BITS-1:0] half_width;
+`else
+`ifdef REGISTERS
+  wire [WIDTH_BITS-1:0] step_code;
+`else
+  wire [WIDTH_BITS-1:0] step_code = STEP;
+`endif
+  wire [TAXELS*WIDTH_BITS-1:0] half_width = {TAXELS{step_code}};
+`endif
+`ifdef SELECTS
+  wire [3*TAXELS-1:0] field_select;
 `endif
   // The comparator macros of the taxels: they look at the signal that the last sample tick brought while compare is
   // high, and settle in the middle of the clock. While compare is low they answer wrongly, or hold their last answer.
@@ -185,18 +206,42 @@ module harness;
   task look;
     begin
       code = $signed(reference_code[i*SAMPLE_BITS+:SAMPLE_BITS]);
-      signal = $signed(held[i*SIGNAL_BITS+:SIGNAL_BITS]);
-`ifdef CLOSES
-      width = {1'b0, half_width[i*WIDTH_BITS+:WIDTH_BITS]};
+`ifdef SELECTS
+      case (field_select[3*i+:3])
+        1: signal = level(i);
+        2: signal = mean(around(i), 2);
+        4: signal = mean(around(i) + 4 * (level(i) >>> FRACTION_BITS), 3);
+        default: signal = 0;
+      endcase
 `else
-      width = STEP;
+      signal = level(i);
 `endif
+      width = {1'b0, half_width[i*WIDTH_BITS+:WIDTH_BITS]};
       above_last[i] = seen(signal, 5 + i, above_last[i]) >= (code + width + BEYOND) * (1 << FRACTION_BITS);
 `ifdef POLARITY
       below_last[i] = -seen(-signal, 5 + TAXELS + i, below_last[i]) < (code - width) * (1 << FRACTION_BITS);
 `endif
     end
   endtask
+
+  function automatic signed [31:0] level(input integer taxel);
+    level = $signed(held[taxel*SIGNAL_BITS+:SIGNAL_BITS]);
+  endfunction
+
+`ifdef SELECTS
+  // Sum of the four codes around a taxel; beyond an edge, its own code.
+  function automatic signed [31:0] around(input integer taxel);
+    around = (level(taxel < COLUMNS ? taxel : taxel - COLUMNS) >>> FRACTION_BITS)
+        + (level(taxel + COLUMNS < TAXELS ? taxel + COLUMNS : taxel) >>> FRACTION_BITS)
+        + (level(taxel % COLUMNS == 0 ? taxel : taxel - 1) >>> FRACTION_BITS)
+        + (level(taxel % COLUMNS == COLUMNS - 1 ? taxel : taxel + 1) >>> FRACTION_BITS);
+  endfunction
+
+  // A sum of codes divided by a power of two, halves to the even code, as the model rounds a field.
+  function automatic signed [31:0] mean(input signed [31:0] sum, input integer shift);
+    mean = (sum + (1 << (shift - 1)) - 1 + ((sum >>> shift) & 1)) >>> shift << FRACTION_BITS;
+  endfunction
+`endif
 
   // What a comparator makes of a signal: offset, hysteresis and noise added.
   function automatic signed [31:0] seen(input signed [31:0] level, input integer number, input high);
@@ -297,18 +342,18 @@ module harness;
       .test_enable(1'b0),
 `endif
 `ifdef REGISTERS
-      .spi_sck(1'b0),  // no host: everything stays as it was built
-      .spi_cs_n(1'b1),
-      .spi_mosi(1'b0),
-      .spi_miso(),
-      .spi_miso_enable(),
+      .spi_sck(host[0]),
+      .spi_cs_n(host[1]),
+      .spi_mosi(host[2]),
+      .spi_miso(spi_miso),
+      .spi_miso_enable(spi_miso_enable),
 `ifdef ANALOG
 `ifndef CLOSES
-      .step_code(),
+      .step_code(step_code),
 `endif
 `endif
 `ifdef SELECTS
-      .field_select(),
+      .field_select(field_select),
 `endif
 `endif
       .sample_valid(sample_valid),
@@ -441,6 +486,11 @@ module harness;
         dice = comparators[2];
         decision_file = $fopen("decisions.txt", "w");
 `endif
+`ifdef REGISTERS
+        host_file = $fopen("host.bin", "rb");
+        miso_file = $fopen("miso.txt", "w");
+        next_levels;
+`endif
         files_open <= 1;
         errors <= 0;
         cycle <= 0;
@@ -458,6 +508,10 @@ module harness;
     end else begin
 `ifdef ANALOG
       if (comparators[3] != 0) $fwrite(decision_file, "%h %h\n", above, below);
+`endif
+`ifdef REGISTERS
+      if (hosted) $fwrite(miso_file, "%b%b\n", spi_miso_enable, spi_miso);
+      next_levels;
 `endif
       cycle <= cycle + 1 + skipped;
       if (gap - skipped == 1) next_record;
@@ -489,6 +543,10 @@ module harness;
 `ifdef ANALOG
       $fclose(decision_file);
 `endif
+`ifdef REGISTERS
+      $fclose(host_file);
+      $fclose(miso_file);
+`endif
 `ifdef CHIP
       $fclose(pair_file);
       $fclose(class_file);
@@ -496,6 +554,16 @@ module harness;
 `endif
     end
   endtask
+
+`ifdef REGISTERS
+  task next_levels;
+    begin
+      levels = $fgetc(host_file);
+      hosted <= levels >= 0;
+      host <= levels >= 0 ? levels[2:0] : REST;
+    end
+  endtask
+`endif
 
   task next_record;
     begin

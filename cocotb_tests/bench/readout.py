@@ -17,6 +17,7 @@ from eskin.model.encoders.fields import seen
 from eskin.model.events.compare import Difference, first_difference
 
 if TYPE_CHECKING:  # importing it would compile the model in every simulator
+    from eskin.cocotb_tests.bench.host import Host
     from eskin.model.readout import Stimulus
 
 PATTERN = 65536
@@ -38,6 +39,7 @@ def write_stimulus(
     stimulus: Stimulus,
     comparators: Comparators | None = None,
     record: bool = False,
+    host: Host | None = None,
 ) -> None:
     """Write the files that the harness plays (see harness.v)."""
     stimulus.check(config)
@@ -56,6 +58,10 @@ def write_stimulus(
         file.write(end.tobytes())
     ready = np.packbits(_repeat(stimulus.ready, PATTERN), bitorder="little")
     (folder / "ready.bin").write_bytes(ready.tobytes())
+    if config.registers != "none":
+        (folder / "host.bin").write_bytes(
+            bytes(sck + 2 * cs_n + 4 * mosi for sck, cs_n, mosi in (host.pins if host else ()))
+        )
     (folder / "ack.bin").write_bytes(_repeat(stimulus.ack_delay, PATTERN // 16).astype(">u2").tobytes())
 
 
@@ -160,6 +166,18 @@ def compare(
     if outcome.errors:
         raise Mismatch(f"{name}: {outcome.breaches}\nreproduce: {reproduce}")
     return events
+
+
+def compare_miso(host: Host, name: str, folder: Path, reproduce: str) -> None:
+    """Compare MISO and its pad enable in every clock with the model; raise Mismatch at the first difference."""
+    played = (folder / "miso.txt").read_text().split()
+    wanted = [f"{enable}{level}" for enable, level in zip(host.run.miso_enable, host.run.miso, strict=True)]
+    for clock, (found, expected) in enumerate(zip(played, wanted, strict=True)):
+        if found != expected:
+            raise Mismatch(
+                f"{name}: spi_miso_enable and spi_miso are {found} in clock {clock}, and {expected} in the model\n"
+                f"reproduce: {reproduce}"
+            )
 
 
 def _describe(config: ReadoutConfig, stimulus: Stimulus, difference: Difference) -> str:

@@ -1,6 +1,7 @@
 """Random stimuli, sinks and masks for tests."""
 
 import dataclasses
+import random
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eskin.cocotb_tests.bench.host import Host, walk
 from eskin.model.config import ReadoutConfig
 from eskin.model.links.link import ACK_QUANTA
 from eskin.model.readout import Stimulus, simulate, state_at
@@ -131,9 +133,12 @@ class Scenario:
     name: str
     stimulus: Stimulus
     outstanding: int  # requests waiting in taxels or latch at the end of the run; 0 if all have left
+    host: Host | None = None  # what sets the registers meanwhile
 
 
-CUT_OFF, FEW = "noise, cut off", "few taxels"
+CUT_OFF, FEW, HOST = "noise, cut off", "few taxels", "host"
+HOST_TICKS = 1600
+"""Sample ticks of the run with a host, of 6 clocks on average: a write takes 200 clocks."""
 
 
 def few(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
@@ -143,7 +148,8 @@ def few(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
 
 def _more(config: ReadoutConfig) -> dict[str, Maker]:
     cut_off: dict[str, Maker] = {CUT_OFF: noise}
-    return cut_off | ({FEW: few} if config.taxels >= LARGE else {})
+    hosted = {HOST: walk} if config.registers != "none" else {}
+    return cut_off | ({FEW: few} if config.taxels >= LARGE else {}) | hosted
 
 
 def scenario_count(config: ReadoutConfig) -> int:
@@ -156,14 +162,14 @@ def scenarios(config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 30
 
     Every stimulus has another sink for every seed, and half of them switch taxels off and on during the run. A run ends
     ``MARGIN`` clocks after its last event, or at the latest after ``limit`` clocks. Large arrays have an additional run
-    in which eight taxels change and then rest.
+    in which eight taxels change and then rest, and readouts with registers a longer one in which a host sets them.
     """
     sinks = list(READY)
     for number, (name, make) in enumerate([*STIMULI.items(), *_more(config).items()]):
         rng = np.random.default_rng([seed, zlib.crc32(config.to_json().encode()), number])
         sink = sinks[(number + seed) % len(sinks)]
         masked = bool((number + seed) // len(sinks) % 2)
-        samples = make(config, ticks, rng)
+        samples = make(config, HOST_TICKS if name == HOST else ticks, rng)
         if config.frontend == "analog" and number % 2:  # an analog signal has offsets and may exceed full scale
             samples = samples * 5 // 4 + rng.integers(-config.step, config.step + 1, config.taxels)
         samples = np.concatenate([samples, np.zeros((1, config.taxels), np.int64)])  # and rest
@@ -182,13 +188,19 @@ def scenarios(config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 30
             ready=READY[sink](rng),
             ack_delay=ack_delays(sink, rng),
         )
+        title = f"{name}, sink {sink}{', masked' if masked else ''}"
+        if name == HOST:
+            stimulus = dataclasses.replace(stimulus, clocks=int(clock[-1]))
+            host = Host.play(config, stimulus, random.Random(number + seed))
+            yield Scenario(title, stimulus, outstanding(config, host.run.stimulus), host)
+            continue
         times = simulate(config, stimulus)["t"]
         if name != CUT_OFF:
             clocks = min(max([*times[-1:].tolist(), int(clock[-1]), int(at[-1])]) + MARGIN, limit)
         else:
             clocks = _busy_clock(config, stimulus, times[times < limit])
         stimulus = dataclasses.replace(stimulus, clocks=clocks)
-        yield Scenario(f"{name}, sink {sink}{', masked' if masked else ''}", stimulus, outstanding(config, stimulus))
+        yield Scenario(title, stimulus, outstanding(config, stimulus))
 
 
 def settled(config: ReadoutConfig, samples: NDArray[np.integer[Any]]) -> Stimulus:

@@ -1,6 +1,5 @@
 """Compare a readout with registers with the golden model in every clock, under random host access."""
 
-import itertools
 import json
 import os
 import random
@@ -15,11 +14,10 @@ import numpy as np
 from eskin.cocotb_tests.bench.analog import ideal
 from eskin.cocotb_tests.bench.block import JOB, Block, Simulator, begin, report, signed_words
 from eskin.cocotb_tests.bench.block import bits as packed
-from eskin.cocotb_tests.bench.spi import Timing, any_word, traffic, waveform
+from eskin.cocotb_tests.bench.host import happens, pins_of, walk
 from eskin.cocotb_tests.runner.simulator import build
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.fields import SETTABLE
-from eskin.model.registers.description import Register, registers
 
 CLOCKS = 6000
 
@@ -111,56 +109,12 @@ async def readout_follows_its_model(dut: Any) -> None:
 # -- outside -----------------------------------------------------------------------------------------
 
 
-def word_for(register: Register, rng: random.Random, mode: int) -> int:
-    """Return a random word that a register accepts; masks disable only few taxels."""
-    word = 0
-    for field in register.fields:
-        value = rng.randint(field.least, field.most)
-        if register.name == "test":
-            value = {"mode": mode, "interval": rng.choice([0, 1, 4])}.get(field.name, value)
-        elif register.name.startswith("fields"):
-            value = sum(rng.choice([0, 0, 1, 1, 2, 2, 3]) << place for place in range(0, field.width, 2))
-        elif register.name.startswith("mask"):
-            value |= rng.choice([field.most, rng.getrandbits(field.width)])
-        word |= value << field.low
-    return word
-
-
-def pins_of(config: ReadoutConfig, clocks: int, rng: random.Random) -> list[Any]:
-    """Return SPI pins of a host: valid writes, reads, and faulty transfers."""
-    from eskin.model.registers.spi import Pins, transfer
-
-    pins: list[Any] = [Pins()] * 5
-    found = registers(config)
-    wild = traffic([r.address for r in found], [any_word(rng) for _ in range(9)], rng)
-    counters = [r for r in found if r.name in ("events", "stalls")]
-    modes = itertools.cycle([2, 0, 1, 0])
-    while len(pins) < clocks:
-        for register in rng.sample([r for r in found if r.writable], sum(r.writable for r in found)):
-            bits = transfer(register.address, [word_for(register, rng, 0)], True)
-            if register.name == "test":
-                bits = transfer(register.address, [word_for(register, rng, next(modes))], True)
-            pins += waveform(bits, Timing(2, 2, gap=rng.choice([3, 20])))
-        pins += waveform(transfer(rng.choice(counters).address, [0], False), Timing(2, 4))
-        pins += [*itertools.islice(wild, 150), *[Pins()] * 4]
-    return pins[:clocks]
-
-
 def whatever(config: ReadoutConfig, clocks: int, draw: np.random.Generator) -> np.ndarray:
     """Return arbitrary comparator decisions: none, above, below, both or random."""
     shape = (clocks, config.taxels)
     while_ = np.repeat(draw.integers(0, 5, (clocks // 40 + 1, config.taxels)), 40, axis=0)[:clocks]
     found = np.where(while_ == 4, draw.integers(0, 4, shape), while_).astype(np.uint8)
     return found if config.has_polarity else found & 1
-
-
-def walk(config: ReadoutConfig, ticks: int, draw: np.random.Generator) -> np.ndarray:
-    """Return samples with large and small steps in turn, so that requests wait and references rest."""
-    size = np.repeat(draw.choice([1, 20, 200], ticks // 20 + 1), 20)[:ticks, None]
-    found = np.cumsum(draw.normal(0, 1, (ticks, config.taxels)) * size, axis=0)
-    turned = np.abs((found + config.full_scale) % (4 * config.full_scale) - 2 * config.full_scale)
-    samples = np.clip(turned - config.full_scale, -config.full_scale, config.full_scale - 1).astype(np.int32)
-    return samples * 3 // 2 if config.frontend == "analog" else samples
 
 
 def rows(bits: np.ndarray) -> list[str]:
@@ -216,13 +170,7 @@ def prepare(
         miso_enable=played.miso_enable,
         **sides,
     )
-    settings = played.stimulus.settings
-    happens: Counter[str] = Counter(settings=len(settings), events=len(played.events))
-    for name in ("coarser", "leak_shift", "leak_period", "window_period", "mode"):
-        happens[name] = len(set(settings[name].tolist()))
-    happens["fields"] = len(np.unique(played.stimulus.choice))
-    happens["masks"] = len(played.stimulus.enable_clock)
-    return path, happens
+    return path, happens(played) + Counter(events=len(played.events))
 
 
 def play(
@@ -234,7 +182,7 @@ def play(
     anything: bool = False,
 ) -> tuple[Counter[str], Counter[str]]:
     """Prepare and play a run; return its counts, and the counts of its activities."""
-    path, happens = prepare(config, folder, seed, given, anything)
+    path, counts = prepare(config, folder, seed, given, anything)
     env = {JOB: json.dumps({"config": config.to_dict(), "seed": seed}), "ESKIN_HOST": str(path)}
     build(config, simulator, top="eskin_readout").test(__name__, folder, "readout_follows_its_model", env)
-    return Counter(json.loads((folder / "counts.json").read_text())), happens
+    return Counter(json.loads((folder / "counts.json").read_text())), counts

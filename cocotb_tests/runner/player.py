@@ -15,7 +15,7 @@ from eskin.cocotb_tests.bench.readout import go
 RUN, OUTCOME, END = "run.json", "outcome.json", "end"
 """Files of a run and of its outcome, which complete a folder, and the file after the last run."""
 
-RECORDED = ("events.bin", "events.txt", "classes.txt", "spikes.txt", "decisions.txt")
+RECORDED = ("events.bin", "events.txt", "classes.txt", "spikes.txt", "decisions.txt", "miso.txt")
 """Files that the harness may write."""
 
 POLL_S = 0.005

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from eskin.base.files import make_folder, refusing_a_full_disk
-from eskin.cocotb_tests.bench.readout import Mismatch, Outcome, compare, write_stimulus
+from eskin.cocotb_tests.bench.host import Host
+from eskin.cocotb_tests.bench.readout import Mismatch, Outcome, compare, compare_miso, write_stimulus
 from eskin.cocotb_tests.bench.stimuli import outstanding, scenarios
 from eskin.cocotb_tests.runner.player import END, OUTCOME, POLL_S, RUN, write_whole
 from eskin.cocotb_tests.runner.simulator import Build, SimulationDied
@@ -83,28 +84,33 @@ class ReadoutRun:
     needs_events: bool = False  # a run without events is a mismatch
     keep: Path | None = None  # file for the RTL's events
     metadata: dict[str, Any] = field(default_factory=dict)  # of this file
+    host: Host | None = None  # what sets the registers meanwhile
 
     @property
     def skip(self) -> bool:
         return self.skips and bool(self.stimulus.ready.all())
 
     def write(self, folder: Path) -> None:
-        write_stimulus(self.config, folder, self.stimulus)
+        write_stimulus(self.config, folder, self.stimulus, host=self.host)
 
     def report(self, folder: Path, outcome: Outcome) -> dict[str, Any]:
-        events = compare(self.config, self.name, self.stimulus, folder, outcome, self.reproduce)
+        seen = self.host.run.stimulus if self.host else self.stimulus
+        events = compare(self.config, self.name, seen, folder, outcome, self.reproduce)
+        if self.host:
+            compare_miso(self.host, self.name, folder, self.reproduce)
         if self.needs_events and not len(events):
             raise Mismatch(f"{self.name}: there was no event, so nothing was compared; reproduce: {self.reproduce}")
         if self.keep is not None:
             Recording(events, self.config, self.stimulus.clocks, metadata=self.metadata).save(self.keep)
-        waiting = outstanding(self.config, self.stimulus)
-        return {"name": self.name, "clocks": self.stimulus.clocks, "events": len(events), "outstanding": waiting}
+        covered = {"covered": self.host.describe(self.config)} if self.host else {}
+        waiting = outstanding(self.config, seen)
+        return {"name": self.name, "clocks": seen.clocks, "events": len(events), "outstanding": waiting} | covered
 
 
 def scenario_runs(config: ReadoutConfig, seed: int, reproduce: str) -> Iterable[ReadoutRun]:
     """Yield the runs of all scenarios of a seed."""
     for one in scenarios(config, seed):
-        yield ReadoutRun(config, one.name, one.stimulus, reproduce, needs_events=True)
+        yield ReadoutRun(config, one.name, one.stimulus, reproduce, needs_events=True, host=one.host)
 
 
 def play_runs(

@@ -347,6 +347,7 @@ def shape(config: Config) -> tuple[dict[str, str], dict[str, int]]:
     }
     parameters = {
         "TAXELS": config.taxels,
+        "COLUMNS": config.columns,
         "SAMPLE_BITS": config.sample_bits,
         "ROW_BITS": config.row_bits,
         "COLUMN_BITS": config.column_bits,

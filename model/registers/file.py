@@ -25,12 +25,16 @@ class RegisterFile:
 
     def __init__(self, config: ReadoutConfig) -> None:
         self.at: dict[int, Register] = {register.address: register for register in registers(config)}
+        kinds = ("pulse", "counter")
+        self.moving = {at for at, register in self.at.items() if any(f.kind in kinds for f in register.fields)}
+        """Addresses of the registers that change without a write."""
         self.reset()
 
     def reset(self) -> None:
         """Set all registers to their reset values."""
         self.words = {address: register.reset for address, register in self.at.items()}  # by address
         self.written: frozenset[str] = frozenset()  # fields that report a write to the hardware in this clock
+        self._signals: dict[str, int] | None = None  # as last returned, until a register changes
 
     def read(self, address: int) -> int:
         """Return the word read at an address; 0 for pulses and unused addresses."""
@@ -41,18 +45,22 @@ class RegisterFile:
 
     def signals(self) -> dict[str, int]:
         """Return the value of every setting and pulse by signal name."""
+        if self._signals is not None:
+            return self._signals
         found: dict[str, int] = {}
         for address, register in self.at.items():
             for field in register.fields:
                 if field.kind in ("setting", "pulse"):
                     value = field.of(self.words[address]) << (register.index or 0) * WORD_BITS
                     found[register.signal(field)] = found.get(register.signal(field), 0) | value
+        self._signals = found
         return found
 
     def clock(self, write: Write | None, counted: Collection[str] = (), clear: bool = False) -> None:
         """Apply a rising edge with a register write, the counted signals, and a clear of all counters."""
         written = set()
-        for address, register in self.at.items():
+        for address in self.moving | ({write.address} & self.at.keys() if write is not None else set()):
+            register = self.at[address]
             accepted = write is not None and write.address == address and register.allows(write.word)
             word = 0
             for field in register.fields:
@@ -67,7 +75,8 @@ class RegisterFile:
                     if field.announced:
                         written.add(register.signal(field))
                 word |= value << field.low
-            self.words[address] = word
+            if word != self.words[address]:
+                self.words[address], self._signals = word, None
         self.written = frozenset(written)
 
 

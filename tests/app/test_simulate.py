@@ -164,6 +164,38 @@ def test_a_readout_of_the_user_is_held_to_the_model(call: Call, refuses: Callabl
         assert (code, err) == (2, f"error: {sentence}\n")
 
 
+HOST_BUGS = {
+    "a window that closes at == for >=": ("last_part >= period", "last_part == period"),
+    "a mask bit without effect": (
+        "mask_rest_taxels <= write_data[11:0]",
+        "mask_rest_taxels <= {write_data[11:1], 1'b1}",
+    ),
+    "a field that is never off": ("& {choice[23:22] != 2'h3", "& {1'h1"),
+    "a counter that reads 0": ("(events_count_bits & {32{at_events}})", "32'h0"),
+}
+
+
+def test_sim_plays_a_host_that_sets_registers_while_events_flow(call: Call, folder: Path) -> None:
+    array = {"rows": 3, "columns": 4, "encoding": "cw-lcs", "registers": "spi", "receptive_fields": "settable"}
+    text = verilog(ReadoutConfig.from_dict(array))
+    Path("right.v").write_text(text)
+    words = " ".join(f"--{name.replace('_', '-')} {value}" for name, value in array.items())
+    options = f"sim {words} --sim icarus --textures 0 -o out --dut"
+    code, out, err = call(options, "right.v")
+    assert (code, counts(out)[0]) == (0, 10), err
+    covered = (
+        r"cw-lcs: a host sets over SPI, while events flow: resolution \(\d values\), window_period \(\d values\), "
+        r"test_mode \(3 values\), fields \(4 values\), masks \(\d+ values\)"
+    )
+    assert re.search(f"^{covered}$", out, re.MULTILINE), out
+    for name, (right, wrong) in HOST_BUGS.items():
+        assert text.count(right) == 1, name
+        Path("bug.v").write_text(text.replace(right, wrong))
+        code, out, _ = call(options, "bug.v")
+        assert code == 1, name
+        assert "\nMISMATCH; equal runs before it: 9; " in out
+
+
 SMALL = "sim --rows 1 --columns 1 --encoding lcs --sim icarus --ticks 40"
 REPLAY = "replay --dataset embedded --rows 2 --columns 2 --encoding nlcs"
 

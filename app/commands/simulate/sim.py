@@ -102,13 +102,21 @@ def _play(plan: Plan, config: ReadoutConfig, show: Any, total: Tally, foreign: b
         warn([warning])
     wave = plan.waveform(config) if plan.waves else None
     equal = True
+    covered: list[str] = []
+
+    def finished(run: dict[str, Any]) -> None:
+        step()
+        covered.extend([run["covered"]] if "covered" in run else [])
+
     try:
-        total += session.play(plan, config, lambda _: step(), lambda stage: say(f"{config.encoding}: {stage}"))
+        total += session.play(plan, config, finished, lambda stage: say(f"{config.encoding}: {stage}"))
     except MismatchFound as mismatch:
         equal = False
         total += mismatch.before
         report = plan.running(config) / "mismatch.txt"
         print(f"{mismatch}\nMISMATCH; equal runs before it: {total.runs}; report: {report}")
+    for line in covered:
+        echo(line)
     if wave is not None:
         echo(f"waveform: {wave}; open it with: gtkwave {wave}")
     if not equal:
