@@ -70,7 +70,7 @@ CONFIGS = [
     ReadoutConfig(rows=1, columns=1, reset="async"),
     ReadoutConfig(rows=1, columns=4),
     ReadoutConfig(rows=5, columns=1, encoding="nlcs", reset="async"),
-    ReadoutConfig(rows=3, columns=5, encoding="cw-lcs"),
+    ReadoutConfig(rows=9, columns=5, encoding="cw-lcs"),
     ReadoutConfig(rows=2, columns=64, reset="async"),
     ReadoutConfig(rows=64, columns=2, encoding="nlcs"),
 ]
@@ -81,7 +81,7 @@ def name(config: ReadoutConfig) -> str:
     return f"{config.rows}x{config.columns}-{'bipolar' if config.has_polarity else 'unipolar'}-{config.reset}"
 
 
-@pytest.mark.representative("icarus-3x5", block="arbiter")
+@pytest.mark.representative("icarus-9x5", block="arbiter")
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda config: f"icarus-{name(config)}")
 def test_arbiter_keeps_its_contract_and_equals_its_reference(config: ReadoutConfig, tmp_path: Path) -> None:
     counts = play_steps(config, "icarus", "eskin_arbiter", steps, tmp_path, seed=2)

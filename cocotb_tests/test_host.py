@@ -28,7 +28,7 @@ def name(config: ReadoutConfig) -> str:
     return f"{config.rows}x{config.columns}-{config.encoding}-{config.frontend}-{config.receptive_fields}"
 
 
-@pytest.mark.representative("3x5-nlcs-digital")
+@pytest.mark.representative("9x2-nlcs-digital")
 @pytest.mark.parametrize("config", CONFIGS, ids=name)
 def test_readout_equals_the_model_while_a_host_sets_it(config: ReadoutConfig, tmp_path: Path) -> None:
     (run,) = (run for run in scenario_runs(config, 0, "") if run.name.startswith(HOST))

@@ -46,7 +46,7 @@ def name(config: ReadoutConfig) -> str:
 LARGE = ReadoutConfig(rows=12, columns=16, link="four_phase_dual", encoding="nlcs-bipolar")
 
 
-@pytest.mark.representative("lcs-2x3", block="readout")
+@pytest.mark.representative("lcs-2x3", "nlcs-9x2", block="readout")
 @pytest.mark.parametrize("config", [*breadth(), LARGE], ids=name)
 def test_rtl_equals_model_in_every_encoding_array_and_resolution(config: ReadoutConfig, tmp_path: Path) -> None:
     play(config, build(config, "icarus"), tmp_path, seed=config.taxels)

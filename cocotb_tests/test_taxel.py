@@ -211,6 +211,7 @@ def name(config: ReadoutConfig) -> str:
     "icarus-nlcs-analog-12b-6b-sync-clock",
     "icarus-nlcs-digital-12b-5b",
     "icarus-cw-lcs-digital-12b-5b",
+    "icarus-nlcs-bipolar-digital-12b-5b",
     block="taxel",
 )
 @pytest.mark.parametrize("config", breadth(), ids=lambda config: f"icarus-{name(config)}")

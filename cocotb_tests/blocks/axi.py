@@ -14,7 +14,8 @@ from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
 
 from eskin.cocotb_tests.bench.block import JOB, Sink, job
-from eskin.cocotb_tests.blocks.host import rows, walk, whatever, word_for
+from eskin.cocotb_tests.bench.host import walk, words_for
+from eskin.cocotb_tests.blocks.host import rows, whatever
 from eskin.cocotb_tests.runner.simulator import build
 from eskin.model.bus.axi_lite import ACCESS_CLOCKS
 from eskin.model.bus.config import BusConfig
@@ -79,7 +80,7 @@ class Host:
         for register in itertools.cycle(writable):
             if self.clock > self.clocks - 5 * ACCESS_CLOCKS:
                 break
-            await self.write(register.address, word_for(register, self.rng, 0))
+            await self.write(register.address, words_for(register, self.rng, 0)[-1])
             await self.read(register.address)
             refused = cocotb.start_soon(self.write(register.address, 0, self.rng.choice([1, 2])))
             await self.read(events)

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from eskin.cocotb_tests.bench.host import pins_of
 from eskin.cocotb_tests.bench.random_run import GAPS, SIGNALS, SINKS, RandomRun
 from eskin.cocotb_tests.bench.spi import Timing, waveform
 from eskin.cocotb_tests.blocks.analog import play_faults as play_comparators
 from eskin.cocotb_tests.blocks.classifier import cosimulate as play_scans
 from eskin.cocotb_tests.blocks.frame import play as play_frames
-from eskin.cocotb_tests.blocks.host import pins_of
 from eskin.cocotb_tests.blocks.host import play as play_host
 from eskin.cocotb_tests.runner.block import Steps, play_steps
 from eskin.cocotb_tests.touch import noise

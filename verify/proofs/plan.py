@@ -103,7 +103,16 @@ HUNTED = {
 
 def arbiters() -> list[Proof]:
     """Return the proofs of the arbiter, with depths that reach the bound on waiting."""
-    sizes = [(1, 1, "lcs"), (2, 2, "lcs"), (1, 4, "lcs"), (4, 1, "lcs"), (9, 1, "lcs"), (3, 5, "lcs"), (3, 5, "nlcs")]
+    sizes = [
+        (1, 1, "lcs"),
+        (2, 2, "lcs"),
+        (1, 4, "lcs"),
+        (4, 1, "lcs"),
+        (5, 1, "lcs"),
+        (9, 1, "lcs"),
+        (3, 5, "lcs"),
+        (3, 5, "nlcs"),
+    ]
     configs = [ReadoutConfig(rows=rows, columns=columns, encoding=encoding) for rows, columns, encoding in sizes]  # type: ignore[arg-type]
     return [
         Proof(ArbiterChecker, c, (c.rows + 1) * c.columns + 2, c.rows == c.columns == 2, c.rows == c.columns == 2)
@@ -145,7 +154,16 @@ def taxels() -> list[Proof]:
     return [
         *(Proof(WindowChecker, c, 12, False, c == windows[0]) for c in windows),
         *(Proof(WindowChecker, c, 12, c == hosted[0]) for c in hosted),
-        *(Proof(TaxelChecker, c, 14, c == few[0], (c.encoding, c.frontend, c.decide_every) in HUNTED) for c in few),
+        *(
+            Proof(
+                TaxelChecker,
+                c,
+                14,
+                c.has_polarity and (c.frontend, c.decide_every) == ("digital", "clock"),
+                (c.encoding, c.frontend, c.decide_every) in HUNTED,
+            )
+            for c in few
+        ),
         *(Proof(TaxelChecker, c, 14) for c in by_host),
         *(Proof(TaxelChecker, c, 6) for c in wide),
     ]

@@ -24,7 +24,7 @@ def formal(
         "only this block: arbiter, link, axi_stream, axi_lite, merge, relay, fields, window, decay, taxel, "
         "frame_readout, readout, spi, registers, host, pattern, classifier",
     ),
-    small: bool = opt(False, "only one small configuration of each block"),
+    small: bool = opt(False, "only small configurations, at least one of each block"),
     mutants: bool = opt(False, "also check that every property fails for generated mutants"),
     limit: int = opt(300, "SECONDS", "time limit of one proof", min=1),
     workers: common.Workers = None,
@@ -63,6 +63,8 @@ def formal(
     if mutants:
         print(run.mutants_line(results, found))
     problems = [outcome.problems for outcome in results]
+    if small:
+        print(f"small: {len(chosen)} of {len(_chosen(block, small=False))} configurations")
     common.conclude((), run.closing_line(problems), failed=any(problems))
 
 
@@ -94,6 +96,8 @@ def coverage(
     verdict = judge(reached, waivers(), whole=not (small or only))
     command = common.make_line("coverage", SMALL=small, ONLY=only and repr(only))
     write_json(out / "coverage.json", origin(command) | summary(reached, verdict))
+    if len(chosen) < len(runs()):
+        print(f"small: {len(chosen)} of {len(runs())} simulations")
     common.conclude(verdict.problems, closing_line(reached, verdict), mark="")
 
 
