@@ -1,15 +1,19 @@
 """Live display of a board: raster and class in the terminal, and a page for the browser."""
 
 import json
+import multiprocessing
+import signal
+import socket
 import threading
 import urllib.parse
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
+from multiprocessing.connection import Connection
 from typing import Any, cast
 
 import numpy as np
@@ -25,6 +29,7 @@ COLUMNS = 120  # of the raster in a terminal
 SHADES = " .:*#"
 LATENCIES = 4096  # number of latencies for median and 99 %
 RECENT = 0.05  # part of the window for the event rate
+COPY_S = 0.08  # time between two copies for the page
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,7 +148,8 @@ class View:
                 "evidence": self.evidence,
                 "class_latency_s": _median_and_99(self._class_s),
                 "host_latency_s": _median_and_99(*zip(*self._host_s, strict=True)) if self._host_s else None,
-                "udp": self.sender and {"to": self.sender.destination, "events": self.sender.events},
+                "udp": self.sender
+                and {"to": self.sender.destination, "events": self.sender.events, "failed": self.sender.failed},
             }
 
     def raster(self, lines: int, columns: int = COLUMNS) -> list[str]:
@@ -175,9 +181,36 @@ def page() -> bytes:
     return text.encode()
 
 
+class Copy:
+    """The page's copy of a view, in a process of its own, so that no client slows a recording."""
+
+    def __init__(self) -> None:
+        self._lock, self._filled = threading.Lock(), threading.Event()
+        self._said: dict[str, Any] = {"number": -1}
+        self._steps: dict[int, Any] = {}
+        self.piece = b""  # JSON
+
+    def take(self, said: dict[str, Any], piece: Piece) -> None:
+        """Add what is new in the view."""
+        with self._lock:
+            if said["number"] != self._said["number"]:
+                self._steps, self.piece = {}, json.dumps(asdict(piece)).encode()
+            self._steps.update(said["steps"])
+            self._steps = dict(sorted(self._steps.items())[-STEPS - 1 :])
+            self._said = said
+        self._filled.set()
+
+    def state(self, number: int = 0, since: int = 0) -> bytes:
+        """Return the JSON of the live page, starting from step ``since`` for a known input."""
+        self._filled.wait()
+        with self._lock:
+            since = since if number == self._said["number"] else 0
+            return json.dumps(self._said | {"steps": [one for one in self._steps.items() if one[0] >= since]}).encode()
+
+
 class _Handler(BaseHTTPRequestHandler):
-    def __init__(self, view: View, *arguments: Any) -> None:
-        self.view = view
+    def __init__(self, copy: Copy, *arguments: Any) -> None:
+        self.copy = copy
         super().__init__(*arguments)
 
     def do_GET(self) -> None:
@@ -195,9 +228,9 @@ class _Handler(BaseHTTPRequestHandler):
         if place.path == "/":
             content = page()
         elif place.path == "/state":
-            content = json.dumps(self.view.state(asked.get("number", 0), asked.get("since", 0))).encode()
+            content = self.copy.state(asked.get("number", 0), asked.get("since", 0))
         elif place.path == "/piece":
-            content = json.dumps(asdict(self.view.piece)).encode()
+            content = self.copy.piece
         else:
             self.send_error(404)
             return
@@ -217,20 +250,59 @@ class _Server(ThreadingHTTPServer):
         """Ignore closed connections of the browser."""
 
 
-@contextmanager
-def served(view: View, port: int, option: str = "--page") -> Iterator[ThreadingHTTPServer]:
-    """Serve the live page to this machine only, and yield the server.
+def serve(listener: socket.socket, updates: Connection) -> None:
+    """Serve the page from the copies that come from the recording process, and end with that process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the recording, which then ends this process
+    copy = Copy()
+    server = _Server(listener.getsockname(), partial(_Handler, copy), bind_and_activate=False)
+    server.socket.close()
+    server.socket, server.server_port = listener, listener.getsockname()[1]
+    threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True).start()
+    with suppress(EOFError, OSError):
+        while True:
+            copy.take(*updates.recv())
 
-    An error message names ``option``, which chooses another port.
+
+def _publish(view: View, updates: Connection, ends: threading.Event) -> None:
+    """Send what is new in a view at a fixed rate, whatever the page's clients do."""
+    number = since = 0
+    with suppress(OSError):  # the other process has ended
+        while True:
+            said = view.state(number, since)
+            updates.send((said, view.piece))
+            number, since = said["number"], max((step for step, _ in said["steps"]), default=0)
+            if ends.wait(COPY_S):
+                return
+
+
+@contextmanager
+def served(view: View, port: int, option: str = "--page") -> Iterator[int]:
+    """Serve the live page to this machine only, and yield its port.
+
+    A process of its own answers the clients, from a copy every ``COPY_S``. An error message names ``option``, which
+    chooses another port.
     """
+    listener = socket.socket()
     try:
-        server = _Server(("127.0.0.1", port), partial(_Handler, view))
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(("127.0.0.1", port))
+        listener.listen()
     except (OSError, OverflowError) as error:
+        listener.close()
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"cannot serve a page on port {port}: {reason}; choose another {option}") from None
-    with server:
-        threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True).start()
+    spawn = multiprocessing.get_context("spawn")
+    there, here = spawn.Pipe(duplex=False)
+    process, ends = spawn.Process(target=serve, args=(listener, there), daemon=True), threading.Event()
+    with listener, here:
+        process.start()
+        there.close()
+        publisher = threading.Thread(target=_publish, args=(view, here, ends), daemon=True)
+        publisher.start()
         try:
-            yield server
+            yield listener.getsockname()[1]
         finally:
-            server.shutdown()
+            ends.set()
+            process.terminate()
+            process.join()
+            publisher.join()

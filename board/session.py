@@ -39,7 +39,7 @@ class Received:
 
     to_event: Callable[[Event], AddressEvent]  # clock, column, row and polarity of an event
     journal: Journal | None = None
-    forward: Callable[[list[AddressEvent]], object] | None = None  # sends events on, before ``watch``
+    forward: Callable[[list[AddressEvent]], object] | None = None  # sends events on, once the journal has them
     watch: Callable[[list[Record], list[AddressEvent]], object] | None = None  # gets all records, and their events
     keep: bool = True  # events in memory too; without, only the journal has the events of an endless recording
     events: list[AddressEvent] = field(default_factory=list)
@@ -64,12 +64,12 @@ class Received:
                 elif isinstance(record, Words) and record.tag == Tag.STATUS:
                     self.counts = record.values
         finally:
-            if self.forward and events:
-                self.forward(events)
             if self.journal:
                 self.journal.add(events)
             if self.keep:
                 self.events += events
+            if self.forward and events:
+                self.forward(events)
         if self.watch:
             self.watch(records, events)
 

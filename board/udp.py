@@ -32,7 +32,8 @@ class UdpSender:
     """UDP sender of events to ``HOST:PORT``, without acknowledgement; ``clock_hz`` is the clock of the events' times.
 
     The format is that of jAER, or that of faery for ``faery://HOST:PORT``.
-    ``begins_us`` is added to all times, for a recording that follows another.
+    ``begins_us`` is added to all times, for a recording that follows another. A datagram that the system does not take
+    at once is counted in ``failed``, because a recording must not wait for a network.
     """
 
     def __init__(self, destination: str, clock_hz: float) -> None:
@@ -42,24 +43,26 @@ class UdpSender:
         try:
             family, kind, _, _, found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
             self._socket = socket.socket(family, kind)
+            self._socket.setblocking(False)
         except OSError as error:
             raise InputError(f"cannot send to {destination}: {error.strerror}; give --udp HOST:PORT") from None
         self.destination, self._us_per_clock = destination, 1e6 / clock_hz
         self._to: tuple[Any, ...] = found
         self.events = self.begins_us = self._number = 0
+        self.failed, self.reason = 0, ""  # datagrams that were not sent, and why the last was not
 
     def __call__(self, events: Sequence[AddressEvent]) -> None:
         """Send events (clock, column, row, polarity)."""
         for at in range(0, len(events), self._most):
             timed = np.array(events[at : at + self._most], np.int64)
             timed[:, 0] = self.begins_us + np.round(timed[:, 0] * self._us_per_clock)
-            try:
-                data = faery_datagram(timed) if self._faery else datagram(self._number, timed)
-                self._socket.sendto(data, self._to)
-            except OSError as error:
-                raise InputError(f"cannot send to {self.destination}: {error.strerror}; check --udp") from None
+            data = faery_datagram(timed) if self._faery else datagram(self._number, timed)
             self._number = self._number + 1 & MAX_NUMBER
-            self.events += len(timed)
+            try:
+                self._socket.sendto(data, self._to)
+                self.events += len(timed)
+            except OSError as error:
+                self.failed, self.reason = self.failed + 1, str(error.strerror)
 
     def close(self) -> None:
         """Close the socket."""

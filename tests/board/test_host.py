@@ -7,6 +7,7 @@ import json
 import os
 import re
 import threading
+import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
@@ -23,7 +24,7 @@ from eskin.base.errors import InputError
 from eskin.board.config import BoardConfig, SerialConfig
 from eskin.board.journal import Journal, convert
 from eskin.board.link import Link
-from eskin.board.live import View, served
+from eskin.board.live import COPY_S, View, served
 from eskin.board.records import (
     STATUS_WORDS,
     VERSION,
@@ -41,8 +42,9 @@ from eskin.board.records import (
     hello_values,
 )
 from eskin.board.serial_frames import FLAG, Damaged, Frame, FrameReader, Kind
-from eskin.board.session import Received, foreign_events, listen, load, observed_clocks
+from eskin.board.session import Received, foreign_events, listen, load, observed_clocks, recording
 from eskin.board.simulated import SimulatedReceiver
+from eskin.board.udp import UdpSender
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.foreign.address_map import AddressMap
@@ -362,15 +364,15 @@ def test_the_page_shows_what_came() -> None:
     view = View(ReadoutConfig(rows=2, columns=4), 1e6, 0.036, ("wood", "wool"), 300)
     events = [(250, 3, 0, True), (260, 3, 0, True), (330, 0, 1, False)]
     view([Class(400, 1, False, (-4, 9)), Lost(2)], events, 0.002)
-    with served(view, 0) as server:
-        place = f"http://127.0.0.1:{server.server_port}/"
+    with served(view, 0) as port:
+        place = f"http://127.0.0.1:{port}/"
         said = json.loads(urllib.request.urlopen(f"{place}state").read())
         page = urllib.request.urlopen(place).read().decode()
-        for host in (f"evil.example:{server.server_port}", "127.0.0.1", "localhost:1", ""):
+        for host in (f"evil.example:{port}", "127.0.0.1", "localhost:1", ""):
             for path in ("", "state"):
                 with pytest.raises(urllib.error.HTTPError, match="403"):
                     urllib.request.urlopen(urllib.request.Request(place + path, headers={"Host": host}))
-        urllib.request.urlopen(f"http://localhost:{server.server_port}/state").close()
+        urllib.request.urlopen(f"http://localhost:{port}/state").close()
     assert said["steps"] == [[2, [[7, 2]]], [3, [[8, 1]]]]
     assert view.state(said["number"], since=3)["steps"] == [[3, [(8, 1)]]]
     assert (said["class"], said["evidence"], said["events"], said["lost"]) == ("wool", [-4, 9], 3, 2)
@@ -382,6 +384,45 @@ def test_the_page_shows_what_came() -> None:
     view([], [(5, 0, 0, True)])  # a board that was reset: the raster begins anew
     assert [row[-1] for row in view.raster(4)] == [".", " ", " ", " "]
     assert view.state(said["number"])["number"] > said["number"]
+
+
+def test_no_number_of_clients_asks_the_recording_for_more_than_its_copies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A client's question took the time of a thousand events from the recording."""
+    view, asked = View(ReadoutConfig(rows=2, columns=4), 1e6, 0.036), []
+    state = view.state
+    monkeypatch.setattr(view, "state", lambda *given: asked.append(given) or state(*given))
+    with served(view, 0) as port:
+        for clock in range(0, 300, 3):
+            view([], [(clock, 3, 0, True)])
+            said = json.loads(urllib.request.urlopen(f"http://127.0.0.1:{port}/state").read())
+        while said["events"] < 100:
+            said = json.loads(urllib.request.urlopen(f"http://127.0.0.1:{port}/state").read())
+        assert len(said["steps"]) == 3
+        assert sum(count for _, counts in said["steps"] for _, count in counts) == 100
+        begun, before = time.monotonic(), len(asked)
+        for _ in range(50):
+            urllib.request.urlopen(f"http://127.0.0.1:{port}/state").close()
+        assert len(asked) - before <= (time.monotonic() - begun) / COPY_S + 1
+
+
+def test_a_network_that_takes_no_datagram_is_counted_and_the_journal_is_first(tmp_path: Path) -> None:
+    config, path = ReadoutConfig(rows=1, columns=8), tmp_path / "heard.npz"
+    sender = UdpSender("255.255.255.255:9", 1e6)  # the system refuses to send to everyone
+    received = Received(foreign_events(config), forward=sender, keep=False)
+    with recording(path, config, {}, received):
+        received([Event(clock, 5) for clock in range(200)])
+        received([Event(300, 6)])
+    sender.close()
+    assert (sender.events, sender.failed, sender.reason) == (0, 3, "Permission denied")
+    assert len(Recording.load(path).events) == 201
+
+
+def test_the_journal_has_an_event_before_it_is_sent_on(tmp_path: Path) -> None:
+    config, path = ReadoutConfig(rows=1, columns=8), tmp_path / "heard.npz"
+    received = Received(foreign_events(config), forward=lambda events: 1 // 0)
+    with pytest.raises(ZeroDivisionError), recording(path, config, {}, received):
+        received([Event(7, 5)])
+    assert len(Recording.load(path).events) == 1
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from eskin.app.cli import echo
 from eskin.app.commands import common
-from eskin.app.commands.signals.recordings import OwnData
+from eskin.app.commands.signals.recordings import OwnData, warn
 from eskin.app.options import arg, command, opt, out_file, with_config
 from eskin.base.errors import InputError
 from eskin.base.progress import watched
@@ -181,11 +181,20 @@ def rescue(journal: Path = arg(..., "FILE.npz.part", "partial file of a killed r
     echo(f"{len(recording.events)} events; {journal.with_suffix('')}")
 
 
-def sending(udp: str | None, clock_hz: float) -> AbstractContextManager[UdpSender | None]:
-    """Return a context with a UDP sender of events, or with None without a destination."""
+@contextmanager
+def sending(udp: str | None, clock_hz: float) -> Iterator[UdpSender | None]:
+    """Yield a UDP sender of events, or None without a destination; warn at the end if datagrams were not sent."""
     from eskin.board.udp import UdpSender
 
-    return nullcontext() if udp is None else closing(UdpSender(udp, clock_hz))
+    if udp is None:
+        yield None
+        return
+    with closing(UdpSender(udp, clock_hz)) as sender:
+        try:
+            yield sender
+        finally:
+            if sender.failed:
+                warn([f"{sender.failed} datagrams were not sent to {udp}: {sender.reason}; check --udp"])
 
 
 @contextmanager
@@ -197,15 +206,15 @@ def _shown(view: View, page: int | None, udp: str | None, received: Received, li
     with ExitStack() as stack:
         view.sender = received.forward = stack.enter_context(sending(udp, view.clock_hz))
         if page is not None:
-            server = stack.enter_context(served(view, page))
-            print(f"http://127.0.0.1:{server.server_port}/", file=sys.stderr, flush=True)
+            port = stack.enter_context(served(view, page))
+            print(f"http://127.0.0.1:{port}/", file=sys.stderr, flush=True)
         if watched():
             from rich.console import Console, Group
             from rich.live import Live
             from rich.text import Text
 
             def picture() -> Group:
-                said = view.state()
+                said = view.state(view.number, since=view.clock)  # without the steps
                 facts = f"{said['seconds']:.3f} s, {said['events']} events, {view.bins} bins, {said['lost']} lost"
                 words = f"class {said['class']}; " if said["class"] is not None else ""
                 return Group(*map(Text, view.raster(lines=16)), Text(words + facts))

@@ -55,8 +55,8 @@ def demo(
     show = player.show_of(source, weights, only, readout, prepared)
     view = player.new_view(show)
     found: list[DemoResult] = []
-    with sending(udp, view.clock_hz) as sender, served(view, port, "--port") as server:
-        address = f"http://127.0.0.1:{server.server_port}/"
+    with sending(udp, view.clock_hz) as sender, served(view, port, "--port") as served_at:
+        address = f"http://127.0.0.1:{served_at}/"
         print(f"{address} shows the skin; Ctrl-C stops the demo", flush=True)
         if show.scale is not None:
             print(scale_text(show.scale), flush=True)
