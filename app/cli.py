@@ -182,7 +182,7 @@ def _invoke(app: typer.Typer, prog_name: str, args: list[str]) -> int:
     except InputError as error:
         return _report(str(error))
     except typer.TyperException as error:  # a usage error: unknown option, missing argument
-        message, where = error.format_message().rstrip("."), getattr(error, "ctx", None)
+        message, where = wrong_value(error) or error.format_message().rstrip("."), getattr(error, "ctx", None)
         help_of = f"; {where.command_path} --help explains it" if where and message.startswith("Missing") else ""
         return _report(message + help_of)
     except OverflowError as error:  # an absurd number that no check caught, not a defect
@@ -198,6 +198,22 @@ def _invoke(app: typer.Typer, prog_name: str, args: list[str]) -> int:
             raise
         return _report(f"cannot use {error.filename}: {error.strerror}")
     return 0
+
+
+def wrong_value(error: typer.TyperException) -> str | None:
+    """Return a sentence with the value that an option does not take; None for other usage errors."""
+    find = getattr(error.__cause__, "errors", None)  # pydantic has found what is wrong
+    if find is None:
+        return None
+    (wrong, *_), hint = find(), cast(Any, error).param.get_error_hint()
+    bounds, option = wrong.get("ctx", {}), hint.rpartition(" / ")[2].strip("'")
+    if (least := bounds.get("ge")) is not None:
+        needs = f"must be at least {least:g}"
+    elif (most := bounds.get("le")) is not None:
+        needs = f"must be at most {most:g}"
+    else:
+        needs = f"takes {'a whole' if wrong['type'].startswith('int') else 'a'} number"
+    return f"{option} {needs}, not {str(wrong['input'])[:80]!r}"
 
 
 def missing_group(error: ModuleNotFoundError) -> str:

@@ -33,8 +33,13 @@ def choose(text: str, rows: int, columns: int) -> tuple[int, ...]:
         if kind == "random" and len(counts) == 2:
             return _of(np.random.default_rng(counts[1]).choice(places.size, counts[0], replace=False))
         if re.fullmatch(r"\d+(\+\d+)*", text, re.ASCII):
-            return _of(places.ravel()[[int(word) for word in text.split("+")]])
+            listed = [int(word) for word in text.split("+")]
+            if again := [number for number in dict.fromkeys(listed) if listed.count(number) > 1]:
+                raise InputError(f"--taxels {text} has taxel {again[0]} twice; name every taxel once")
+            return _of(places.ravel()[listed])
         raise ValueError
+    except InputError:
+        raise
     except (ValueError, IndexError):
         raise InputError(
             f"choose taxels of {rows} x {columns} by {CHOICES}, with numbers in 0..{rows * columns - 1}, not {text!r}"
