@@ -186,7 +186,10 @@ def read_image(path: Path) -> NDArray[Any]:
         raise InputError(f"cannot read {path}: {error.strerror}") from None
     try:
         with data, Image.open(data) as image:
-            return _gray(image)
+            gray = _gray(image)
+            if gray.min() == gray.max():
+                raise InputError(f"has the gray value {gray.flat[0]:g} everywhere; give an image with a texture")
+            return gray
     except InputError as error:
         raise InputError(f"{path} {error}") from None
     except Exception:  # the many decoders raise as many types
@@ -198,6 +201,8 @@ def read_image(path: Path) -> NDArray[Any]:
 def _gray(image: Image) -> NDArray[Any]:
     if image.mode == "F":
         raise InputError("contains floats of unknown scale; save it with 8 or 16 bits")
+    if image.has_transparency_data and image.convert("RGBA").getextrema()[3][0] < 255:
+        raise InputError("has transparent pixels, which have no gray value; save it without transparency")
     if image.mode.startswith("I"):  # 16 bits, which a conversion to 8 would cut off instead of scaling
         return np.asarray(image, dtype=np.float64) / 257.0
     return np.asarray(image.convert("L"))

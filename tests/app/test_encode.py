@@ -179,6 +179,13 @@ SCALES = (
 )
 IMAGES = ", ".join(IMAGE_SUFFIXES)
 
+
+def plain(mode: str, colour: tuple[int, ...]) -> bytes:
+    """Return a PNG file of one colour."""
+    Image.new(mode, (64, 64), colour).save(file := io.BytesIO(), "PNG")
+    return file.getvalue()
+
+
 ENCODE_ERRORS: dict[str, tuple[str, Any, str]] = {
     "cannot read x.npy: No such file or directory": ("x.npy", None, RATE),
     "cannot read x.png: No such file or directory": ("x.png", None, ""),
@@ -238,6 +245,9 @@ ENCODE_ERRORS: dict[str, tuple[str, Any, str]] = {
     "leave them out": ("x.npy", GOOD, "--preset paper"),
     "--scale is only for samples; the preset sets the scale of an image": ("x.png", b"\x89PNG", "--scale 2"),
     "x.png is damaged or not an image that can be read; save it as .png with 8 or 16 bits": ("x.png", b"\x89PNG", ""),
+    "x.png has the gray value 0 everywhere; give an image with a texture": ("x.png", plain("RGB", (0, 0, 0)), ""),
+    "x.png has transparent pixels, which have no gray value; save it without transparency":
+        ("x.png", plain("RGBA", (9, 9, 9, 99)), ""),
     "preset must be one of paper, physical, not 'best'": ("x.png", b"", "--preset best"),
     "rows must be in 1..64, not 0": ("x.npy", GOOD, RATE + " --rows 0"),
 }  # fmt: skip
