@@ -3,7 +3,6 @@
 import os
 import sys
 
-from eskin.app.catalogue import overview
 from eskin.app.leave import leave_quietly
 
 UNHEARD = ("MPLBACKEND", "NUMBA_DISABLE_JIT")
@@ -13,14 +12,20 @@ UNHEARD = ("MPLBACKEND", "NUMBA_DISABLE_JIT")
 def main() -> None:
     """Run the command line; the list of commands is printed without importing other packages."""
     if sys.argv[1:] in ([], ["-h"], ["--help"]):
-        leave_quietly(lambda: print(overview()))
+        leave_quietly(_overview)
     for name in UNHEARD:
         os.environ.pop(name, None)
     leave_quietly(_run)
 
 
+def _overview() -> None:
+    from eskin.app.catalogue import overview  # here, so that Ctrl-C is quiet from the start
+
+    print(overview())
+
+
 def _run() -> None:
-    from eskin.app.cli import app, run  # here, so that Ctrl-C is quiet from the start
+    from eskin.app.cli import app, run
 
     run(app, "eskin")
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
+from eskin.base.inputs import check_ends
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.recordings.options import Preparation
@@ -180,6 +181,7 @@ def read_image(path: Path) -> NDArray[Any]:
     """Return the gray values of an image, 0 to 255, shape (height, width)."""
     from PIL import Image
 
+    check_ends(path)
     try:
         data = path.open("rb")
     except OSError as error:

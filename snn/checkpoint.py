@@ -4,6 +4,8 @@ import dataclasses
 import hashlib
 import io
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -73,7 +75,19 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     if data[:32] != hashlib.sha256(data[32:]).digest():
         why = "of an earlier version" if data.startswith(b"PK") else "damaged"  # these were archives of torch
         raise InputError(f"checkpoint {path} is {why}; remove it to start again")
-    return dict(torch.load(io.BytesIO(data[32:]), map_location="cpu", weights_only=True))
+    with _whole(path):
+        return dict(torch.load(io.BytesIO(data[32:]), map_location="cpu", weights_only=True))
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[None]:
+    """Raise InputError for a checkpoint whose content is not that of a training."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception:  # torch raises many types, depending on what is wrong
+        raise InputError(f"checkpoint {path} does not hold a training; remove it to start again") from None
 
 
 class OtherTraining(InputError):  # the sentence a user reads
@@ -86,16 +100,17 @@ def load_checkpoint(path: Path, training: Training, key: str) -> None:
     Raise InputError if the file is damaged, or was written by a training with other parameters, data or seed.
     """
     content = read_checkpoint(path)
-    if content["key"] != key:
-        found = "; ".join(_differences(json.loads(content["key"]), json.loads(key)))
-        raise OtherTraining(
-            f"checkpoint {path} belongs to another configuration ({found}); "
-            f"remove it or choose another folder with --out"
-        )
-    training.network.load_state_dict(content["network"])
-    training.optimizer.load_state(content["optimizer"])
-    training.history = [Epoch(**epoch) for epoch in content["history"]]
-    training.best = content["best"]
+    with _whole(path):
+        if content["key"] != key:
+            found = "; ".join(_differences(json.loads(content["key"]), json.loads(key)))
+            raise OtherTraining(
+                f"checkpoint {path} belongs to another configuration ({found}); "
+                f"remove it or choose another folder with --out"
+            )
+        training.network.load_state_dict(content["network"])
+        training.optimizer.load_state(content["optimizer"])
+        training.history = [Epoch(**epoch) for epoch in content["history"]]
+        training.best = content["best"]
 
 
 def _differences(there: dict[str, Any], now: dict[str, Any]) -> list[str]:

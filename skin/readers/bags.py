@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from eskin.base.errors import InputError
+from eskin.base.inputs import check_ends
 from eskin.skin.readers.arrays import needed
 from eskin.skin.readers.frame import Frame, check_size
 
@@ -28,6 +29,8 @@ def read_bag(path: Path, topic: str, field: str) -> Frame:
     place = (
         path.parent if path.suffix.lower() in (".db3", ".mcap") and (path.parent / "metadata.yaml").exists() else path
     )
+    for one in [path, *(place.iterdir() if place.is_dir() else ())]:  # the reader opens them, and waits for their end
+        check_ends(one)
     store = typesys.get_typestore(typesys.Stores.LATEST)
     try:
         with highlevel.AnyReader([place], default_typestore=store) as reader:

@@ -206,6 +206,23 @@ def test_a_closed_pipe_is_quiet(words: str, tmp_path: Path) -> None:
     assert process.returncode == 141
 
 
+@pytest.mark.parametrize("module", ["eskin.app.catalogue", "typer", "numpy"])
+def test_ctrl_c_is_quiet_while_the_program_imports(module: str) -> None:
+    program = f"""
+import os, runpy, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+class Finder:
+    def find_spec(name, path=None, target=None):
+        if name == "{module}":
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Finder)
+sys.argv = ["eskin", "encode", "x.csv", "-o", "e.npz"]
+runpy.run_module("eskin", run_name="__main__")
+"""
+    process = subprocess.run([sys.executable, "-c", program], cwd=Path(__file__).parents[2], capture_output=True)
+    assert (process.returncode, process.stdout, process.stderr) == (128 + signal.SIGINT, b"", b"")
+
+
 def test_ctrl_c_is_quiet_and_leaves_no_file(tmp_path: Path) -> None:
     program = (
         "import os, signal, zipfile; from eskin.app.cli import app, run\n"

@@ -1,6 +1,7 @@
 """Test the readers: every kind of file gives the samples that a plain table gives, or one sentence."""
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,7 +10,8 @@ import pytest
 
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
-from eskin.skin.encode import encode_samples
+from eskin.skin.encode import encode_samples, read_image
+from eskin.skin.readers.bags import read_bag
 from eskin.skin.readers.registry import BAGS, READERS, read_frame
 from eskin.skin.recordings.columns import read_one
 from eskin.skin.recordings.folder import read_set
@@ -417,3 +419,10 @@ def test_cells_are_read_exactly(tmp_path):
     (tmp_path / "x.csv").write_text("\n".join(["a", *cells]))
     assert read_frame(tmp_path / "x.csv").cells[0].tolist() == [float(cell) for cell in cells]
     assert read_table(tmp_path / "x.csv", Preparation()).values[:, 0].tolist() == [float(cell) for cell in cells]
+
+
+@pytest.mark.parametrize("name", ["f.png", "f.bag", "f.db3", "f.mcap"])
+def test_no_reader_waits_for_a_fifo_that_it_would_open_itself(name: str, tmp_path: Path) -> None:
+    os.mkfifo(path := tmp_path / name)
+    with pytest.raises(InputError, match=rf"^{path} is a FIFO; give a file$"):
+        read_image(path) if name == "f.png" else read_bag(path, "", "")
