@@ -80,7 +80,7 @@ class Host:
         for register in itertools.cycle(writable):
             if self.clock > self.clocks - 5 * ACCESS_CLOCKS:
                 break
-            await self.write(register.address, words_for(register, self.rng, 0)[-1])
+            await self.write(register.address, self.rng.choice(words_for(register, self.rng, 0)))
             await self.read(register.address)
             refused = cocotb.start_soon(self.write(register.address, 0, self.rng.choice([1, 2])))
             await self.read(events)
