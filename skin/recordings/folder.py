@@ -168,7 +168,7 @@ def read_set(
         codes = {scale: [every[n] for n in learned] for scale, one in tried.items() for every in [pieces.cut(one)]}
         tick = progress or (lambda: None)
         config, scale, note = fit.choose(config, given, [classes[number] for number in learned], codes, tick)
-        prepared, options = tried[scale], dataclasses.replace(options, scale=scale)
+        prepared = tried[scale]
         notes += (note,) if note else ()
     codes_of_all = pieces.cut(prepared)
     if "clocks_per_sample" not in given:
@@ -179,7 +179,7 @@ def read_set(
         sources=sources,
         codes=codes_of_all,
         config=config,
-        options=options,
+        options=prepared.options,
         scale=prepared.scale,
         clipped=prepared.clipped,
         notes=(*notes, *pieces.notes, *prepared.notes, *leak),

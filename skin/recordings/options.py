@@ -12,7 +12,7 @@ from eskin.base.errors import InputError
 Decimal = Literal["auto", "point", "comma"]
 TimeUnit = Literal["auto", "s", "ms", "us", "ns"]
 LabelOf = Literal["last", "most"]
-Baseline = Literal["none", "first", "median", "highpass"]
+Baseline = Literal["none", "fixed", "first", "median", "highpass"]
 GUIDE = "docs/guide/recordings.md"
 PER_TAXEL = "per-taxel"  # text of ``Preparation.scale`` that maps the largest magnitude of each taxel to full scale
 
@@ -45,16 +45,18 @@ class Preparation(Configuration):
     time_column: str = parameter("", "", GUIDE, "column of time stamps, by name or number, or none [detected]")
     time_unit: TimeUnit = parameter("auto", "", GUIDE, "unit of the time stamps")
     baseline: Baseline = parameter("none", "", GUIDE, "value subtracted from every taxel")
-    """The first value, the median, or everything below ``highpass_hz``."""
+    """A constant for each taxel (``offsets``), the first value, the median, or everything below ``highpass_hz``."""
     highpass_hz: float = parameter(0.1, "Hz", GUIDE, "corner of --baseline highpass")
     strict: bool = parameter(False, "", GUIDE, "refuse broken links, FIFOs and folders among the recordings")
+    offsets: tuple[float, ...] = ()
+    """The constants of the baseline ``fixed``; empty: ``prepare`` learns them from the recordings."""
     names: tuple[str, ...] = ()
     """Names of the taxels' columns in the order of the array; files that have names are brought into this order."""
     scale: str = parameter("max", "", GUIDE, "factor to full scale, max, per-taxel, or a percentile such as p99.9")
     """One factor, or one for each taxel as ``0.5,2``. A percentile is that of the magnitudes of all recordings."""
 
     def __post_init__(self) -> None:
-        self._check_types(but=("names",))
+        self._check_types(but=("names", "offsets"))
         for name in ("skip_lines", "frame_lines"):
             self._check_range(name, 0, MAX_LINES)
         if len(self.delimiter) > 1 and self.delimiter not in ("tab", "space"):
@@ -73,6 +75,9 @@ class Preparation(Configuration):
         if not all(isinstance(name, str) for name in self.names):
             raise InputError(f"the names of columns must be texts, not {self.names!r}")
         object.__setattr__(self, "names", tuple(self.names))
+        if not all(isinstance(offset, int | float) and math.isfinite(offset) for offset in self.offsets):
+            raise InputError(f"the offsets of the taxels must be finite numbers, not {self.offsets!r}")
+        object.__setattr__(self, "offsets", tuple(map(float, self.offsets)))
 
     def _label(self, name: str) -> str:
         return option_of(type(self).__dataclass_fields__[name])

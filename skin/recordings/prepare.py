@@ -1,5 +1,6 @@
 """Convert sensor recordings to codes: resample, remove the baseline, and scale all recordings equally."""
 
+import dataclasses
 import math
 import statistics
 from collections.abc import Collection, Sequence
@@ -16,6 +17,7 @@ from eskin.skin.textures.presets import quantise
 JITTER = 0.02  # part of a sample period by which time stamps may miss the grid before a recording is resampled
 OWN_CLOCK = 0.01  # relative difference from the common rate up to which the samples of a recording count as even
 MISSING = 1.5  # sample periods between two time stamps from which on samples are missing between them
+LOW_PERCENTILE = 1.0  # percentile of a taxel's samples that is its fixed offset: the lowest value without outliers
 MUCH_CLIPPED = 1e-3  # part of the samples above which clipping is worth a warning
 
 
@@ -26,6 +28,7 @@ class Prepared:
     codes: list[NDArray[np.int32]]  # shape (ticks, taxels)
     rate_hz: float  # samples per second of all
     scale: Scale
+    options: Preparation  # with the offsets of a fixed baseline
     clipped: int  # samples beyond full scale, all together
     warnings: tuple[str, ...]  # each with the option that fixes the problem
     notes: tuple[str, ...]  # changes of the samples
@@ -41,7 +44,7 @@ def prepare(
     """Return recordings as codes, with one sampling rate and one scale.
 
     - ``rate_hz``: by default the rate of the time stamps, median of all recordings.
-    - ``learned``: numbers of the recordings that determine the scale; all by default.
+    - ``learned``: numbers of the recordings that determine scale and fixed offsets; all by default.
 
     Raise InputError if no rate is known, or the recordings have different numbers of taxels, or another number than the
     factors.
@@ -56,11 +59,15 @@ def prepare(
     for table in tables:
         signal, moved = on_grid(table, rate_hz)
         resampled += moved
-        signals.append(without_baseline(signal, rate_hz, options))
+        signals.append(signal)
+    numbers = range(len(signals)) if learned is None else learned
+    if options.baseline == "fixed" and not options.offsets:
+        options = dataclasses.replace(options, offsets=fixed_offsets([signals[number] for number in numbers]))
+    signals = [without_baseline(signal, rate_hz, options) for signal in signals]
     notes = _filled(tables)
     if resampled:
         notes.append(f"{resampled} of {len(tables)} recordings have uneven time stamps and were resampled linearly")
-    scale = scale_of(signals if learned is None else [signals[n] for n in learned], options, sample_bits)
+    scale = scale_of([signals[number] for number in numbers], options, sample_bits)
     if isinstance(scale, tuple) and len(scale) != len(tables[0].names):
         raise InputError(
             f"{tables[0].path} has {len(tables[0].names)} taxels, but the scale has {len(scale)} factors; choose the "
@@ -73,7 +80,7 @@ def prepare(
         remedy = "--scale max" if options.baseline != "none" else "--baseline first, or --scale max"
         warnings.append(f"{clipped / samples:.1%} of the samples are beyond full scale and clipped; try {remedy}")
     warnings += _baseline_left(found, options, sample_bits)
-    return Prepared([codes for codes, _ in found], rate_hz, scale, clipped, tuple(warnings), tuple(notes))
+    return Prepared([codes for codes, _ in found], rate_hz, scale, options, clipped, tuple(warnings), tuple(notes))
 
 
 def common_rate(tables: Sequence[Table]) -> float:
@@ -138,8 +145,19 @@ def _filled(tables: Sequence[Table]) -> list[str]:
     return notes
 
 
+def fixed_offsets(signals: Sequence[Values]) -> tuple[float, ...]:
+    """Return the offset of each taxel that keeps its level: nearly the lowest value of all recordings."""
+    return tuple(np.percentile(np.concatenate(signals), LOW_PERCENTILE, axis=0).tolist())
+
+
 def without_baseline(signal: Values, rate_hz: float, options: Preparation) -> Values:
     """Return a recording with the baseline of each taxel removed, shape (ticks, taxels)."""
+    if options.baseline == "fixed":
+        if len(options.offsets) != signal.shape[1]:
+            raise InputError(
+                f"the fixed baseline has {len(options.offsets)} offsets, but the recording has {signal.shape[1]} taxels"
+            )
+        return np.asarray(signal - options.offsets)
     if options.baseline == "first":
         return np.asarray(signal - signal[0])
     if options.baseline == "median":

@@ -11,10 +11,11 @@ import pytest
 from eskin.base.errors import InputError
 from eskin.model.address_events import make_events
 from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
 from eskin.skin.recordings.columns import match_columns, read_one
 from eskin.skin.recordings.event_files import kept_events
-from eskin.skin.recordings.fitting import with_clock, with_seconds
-from eskin.skin.recordings.folder import quality_warnings, read_set, sources_of
+from eskin.skin.recordings.fitting import Fit, with_clock, with_seconds
+from eskin.skin.recordings.folder import quality_warnings, read_set, sources_of, write_folder
 from eskin.skin.recordings.options import Preparation
 from eskin.skin.recordings.prepare import on_grid, prepare, without_baseline
 from eskin.skin.recordings.quality import encoded, measure_quality, pooled
@@ -24,6 +25,13 @@ from eskin.skin.samples import array_of
 from tests.skins import counts, write_csv, write_skin
 
 FIRST = Preparation(baseline="first")
+
+
+class FirstTwo(Fit):
+    """Learn from the first two recordings."""
+
+    def learned(self, names, classes, groups):
+        return np.arange(2)
 
 
 def table_of(folder: Path, text: str, options: Preparation | None = None):
@@ -240,6 +248,27 @@ def test_a_baseline_is_taken_off_every_taxel(baseline):
     rest = without_baseline(signal, 35.0, Preparation(baseline=baseline))
     assert np.abs(rest[:400]).max() < 1e-6
     assert rest[400] == pytest.approx([1, 1], abs=0.02)
+
+
+def test_a_fixed_offset_a_taxel_keeps_the_level_and_comes_from_the_training_recordings(tmp_path):
+    rest = np.array([300, 5000])
+    for number, level in enumerate((10, 40, 90)):
+        values = rest + level + np.arange(100)[:, None] % 2
+        values[50:] -= level  # every recording comes to rest
+        values[0] = [0, 9999][number > 0]  # outliers
+        write_csv(tmp_path / f"s/press/{number}.csv", values)
+    fixed = Preparation(baseline="fixed", scale="0.01")
+    found = read_set(tmp_path / "s", fixed, ReadoutConfig(), {"resolution"}, fit=FirstTwo())
+    assert found.options.offsets == (300, 5000), "the outlier and the third recording set nothing"
+    assert [codes[20].tolist() for codes in found.codes] == [[205, 205], [819, 819], [1843, 1843]]
+    again = OwnReadout.of(Recording.load(write_folder(found, tmp_path / "e") and tmp_path / "e/press/2.npz"))
+    assert again is not None and again.options.offsets == (300, 5000)
+    write_csv(tmp_path / "new/0.csv", rest + 50 + 0 * values)  # at another level: the offsets stay
+    assert again.read(tmp_path / "new", flat=True).codes[0][3].tolist() == [1024, 1024]
+    with pytest.raises(InputError, match="the fixed baseline has 2 offsets, but the recording has 1 taxels"):
+        without_baseline(np.zeros((9, 1)), 35.0, again.options)
+    with pytest.raises(InputError, match=r"offsets of the taxels must be finite numbers, not \(nan,\)"):
+        Preparation(offsets=(math.nan,))
 
 
 def test_one_scale_and_one_configuration_hold_for_the_whole_set(tmp_path):
