@@ -1,9 +1,11 @@
-"""Choose encoder, resolution and scale by the accuracy of a logistic regression on the events."""
+"""Choose encoder, resolution, baseline and scale of recordings by short trainings."""
 
+import dataclasses
 import math
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,32 +15,52 @@ from eskin.model.cases import cases
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.taxel import encode_timed
-from eskin.skin.recordings.fitting import RESOLUTIONS, Fit, with_seconds
+from eskin.skin.recordings.fitting import Fit, with_seconds
 from eskin.skin.recordings.folder import negative_part_lost
-from eskin.skin.recordings.options import PER_TAXEL
+from eskin.skin.recordings.options import PER_TAXEL, Baseline, Preparation
 from eskin.skin.recordings.quality import MAX_CLOCKS
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.folds import check_classes, matching, possible_folds, stratified_folds
-from eskin.snn.reference import event_columns, logistic_classes
+from eskin.snn.data.scans import ScanData, Split, filled
+from eskin.snn.experiments.recipes import RECIPES, epochs_for, for_recordings
 
-MAX_JUDGED = 150
-"""Training recordings on which encoders are compared at most, evenly spread over the classes."""
+MAX_JUDGED = 350
+"""Training recordings on which settings are compared at most, evenly spread over the classes."""
 
-INNER_FOLDS = 3
+PARTS = 5
+"""Parts of the training recordings; one part, another in every round, is the inner validation."""
+
+BASELINES: tuple[Baseline, ...] = ("fixed", "median")
+"""Baselines that are compared with the default, the first value."""
+
+FIRST_ENCODING, BITS = "nlcs-bipolar", (4, 6)
+"""Encoder with which baselines and scales are compared, and the resolutions that are compared."""
+
+UPDATES, HIDDEN = (120, 120, 240, 480), 64
+"""Updates of the short trainings in each round, and neurons of their networks."""
 
 SIZE = {"rows", "columns", "sample_bits", "sample_rate_hz", "clocks_per_sample"}
-FREE = {"resolution", "scale", "link", "frontend", "reset", "receptive_fields", *SIZE}
+FREE = {"resolution", "scale", "baseline", "link", "frontend", "reset", "receptive_fields", *SIZE}
 """Fields that a user can set during the choice of an encoder; the other fields follow from the encoder."""
+
+
+class Judged(NamedTuple):
+    """Score of a preparation and a readout; the best is the least."""
+
+    wrong: int
+    log_loss: float
+    number: int
+    bits_per_s: float
+    options: Preparation
+    config: ReadoutConfig
 
 
 @dataclass(frozen=True)
 class EncoderChoice(Fit):
-    """Choice of encoder, resolution and full scale from the training recordings of one fold.
+    """Choice of encoder, resolution, baseline and full scale from the training recordings of one fold.
 
     All taxels have a common scale, or each has its own.
     """
-
-    other_scales: ClassVar[tuple[str, ...]] = (PER_TAXEL,)
 
     fold: int = 0
     """Test fold."""
@@ -59,77 +81,139 @@ class EncoderChoice(Fit):
             check_classes(labels, tested, kinds.tolist())
         return np.setdiff1d(np.arange(len(names)), tested)
 
+    def variants(self, options: Preparation, given: Collection[str]) -> tuple[Preparation, ...]:
+        """Return the preparations to compare: every baseline, and a common scale or one for each taxel."""
+        baselines = [options.baseline, *BASELINES] if "baseline" not in given else [options.baseline]
+        scales = [options.scale]
+        if options.scale == "max" and "scale" not in given and not {"encoding", "resolution"} <= set(given):
+            scales.append(PER_TAXEL)
+        found = [dataclasses.replace(options, baseline=one, scale=scale) for scale in scales for one in baselines]
+        return tuple(dict.fromkeys(found))
+
     def choose(
         self,
         config: ReadoutConfig,
         given: Collection[str],
         classes: Sequence[str],
-        recordings: Mapping[str, Sequence[NDArray[np.int32]]],
+        groups: Sequence[str],
+        recordings: Mapping[Preparation, Sequence[NDArray[np.int32]]],
         progress: Callable[[], object],
-    ) -> tuple[ReadoutConfig, str, str]:
-        """Return the configuration and scale with the lowest data rate among the most accurate candidates.
+    ) -> tuple[ReadoutConfig, Preparation, str, list[dict[str, Any]]]:
+        """Return the configuration and preparation with which short trainings classify best, with all scores.
 
-        That is at most one standard error below the best accuracy, by inner cross-validation of a logistic regression
-        on event statistics. With fewer than two recordings of a class, ``Fit`` chooses.
+        The first round compares baselines and scales, the others compare encoders and resolutions. After a round, the
+        better half remains; of the last two, the one with fewer bit/s wins if it is at most one standard error below
+        the other. With fewer than two recordings of a class, ``Fit`` chooses.
         """
         some = slice(None, None, -(-len(classes) // MAX_JUDGED))
-        labels = np.unique(classes[some], return_inverse=True)[1]
-        inner = min(INNER_FOLDS, int(np.bincount(labels).min()))
-        if inner < 2 or len(set(labels.tolist())) < 2:
-            judged_of = {scale: codes[some] for scale, codes in recordings.items()}
-            return super().choose(config, given, classes, judged_of, progress)
-        found = []
-        for scale, codes in recordings.items():
-            judged = codes[some]
-            seconds = sum(map(len, judged)) / config.sample_rate_hz
-            for tried in _candidates(config, given, self.tau_s):
-                if "encoding" not in given and negative_part_lost(tried, judged):
-                    continue
-                columns, events = _statistics(tried, judged)
-                accuracy = _accuracy(columns, labels, inner)
-                found.append((accuracy, events * tried.event_bits / seconds, tried, scale))
+        labels = np.unique(classes[some], return_inverse=True)[1].astype(np.int64)
+        if np.bincount(labels).min() < 2 or len(set(labels.tolist())) < 2:
+            judged_of = {options: codes[some] for options, codes in recordings.items()}
+            return super().choose(config, given, classes, groups, judged_of, progress)
+        parts, scores = _parts(labels, list(groups)[some]), list[dict[str, Any]]()
+
+        def ranked(candidates: Sequence[tuple[Preparation, ReadoutConfig]], number: int) -> list[Judged]:
+            """Return the scores of a round, the best first."""
+            found, part, updates = [], parts[number % len(parts)], UPDATES[number]
+            for place, (options, tried) in enumerate(candidates):
+                scans, bps = _scans(tried, recordings[options][some], labels)
+                wrong, loss = _short_training(scans, part, updates)
+                found.append(Judged(wrong, loss, place, bps, options, tried))
+                said: dict[str, Any] = {
+                    "encoding": tried.encoding,
+                    "resolution": tried.resolution,
+                    "baseline": options.baseline,
+                }
+                said |= {"scale": options.scale, "bits_per_s": bps, "updates": updates}
+                scores.append(said | {"right": len(part) - wrong, "of": len(part), "log_loss": loss})
                 progress()
-        best = max(accuracy for accuracy, *_ in found)
-        error = math.sqrt(best * (1 - best) / len(labels))
-        accuracy, bps, chosen, scale = min((one for one in found if one[0] >= best - error), key=lambda one: one[1])
-        of_taxels, others = "", "--encoding and --resolution"
+            return sorted(found)
+
+        options = next(iter(recordings))
         if len(recordings) > 1:
-            of_taxels = " and a scale per taxel" if scale == PER_TAXEL else " and a common scale"
-            others = "--encoding, --resolution and --scale"
-        return (
-            chosen.replace(clocks_per_sample=config.clocks_per_sample),
-            scale,
-            f"encoder {chosen.encoding} with {chosen.resolution} b{of_taxels}, {bps:.3g} bit/s: inner validation with "
-            f"a logistic regression on event statistics finds the class of {accuracy:.0%} of {len(labels)} training "
-            f"recordings, and of {best:.0%} with the best of {len(found)} settings; {others} choose others",
+            encoding = FIRST_ENCODING if set(given) <= FREE else config.encoding
+            first = with_seconds(config.replace(encoding=encoding, clocks_per_sample=MAX_CLOCKS), given, self.tau_s)
+            first = first if "resolution" in given else first.replace(resolution=BITS[0])
+            options = ranked([(one, first) for one in recordings], 0)[0].options
+        left = [(options, tried) for tried in _candidates(config, given, self.tau_s)]
+        if "encoding" not in given:
+            left = [one for one in left if not negative_part_lost(one[1], recordings[options])]
+        for number in range(1, len(UPDATES) - 1):
+            if len(left) > 2:
+                left = [(one.options, one.config) for one in ranked(left, number)][: -(-len(left) // 2)]
+        last = ranked(left, len(UPDATES) - 1)
+        part = len(parts[(len(UPDATES) - 1) % len(parts)])
+        error = math.sqrt(last[0].wrong * (1 - last[0].wrong / part))
+        found = min((one for one in last if one.wrong <= last[0].wrong + error), key=lambda one: one.bits_per_s)
+        scale = "a scale per taxel" if options.scale == PER_TAXEL else "a common scale"
+        note = (
+            f"encoder {found.config.encoding} with {found.config.resolution} b, baseline {options.baseline}, {scale}, "
+            f"{found.bits_per_s:.3g} bit/s: the last of {len(scores)} short trainings found the class of "
+            f"{part - found.wrong} of {part} other recordings; --encoding, --resolution, --baseline and --scale choose "
+            f"others"
         )
+        return found.config.replace(clocks_per_sample=config.clocks_per_sample), options, note, scores
+
+
+def _parts(labels: NDArray[np.int64], groups: Sequence[str]) -> list[NDArray[np.int64]]:
+    """Return the inner validation parts; a group is in one part, unless a class has one group."""
+    pairs = set(zip(labels.tolist(), groups, strict=True))
+    if len(set(groups)) < len(groups) and min(Counter(label for label, _ in pairs).values()) > 1:
+        return stratified_folds(labels, min(PARTS, len(set(groups))), groups=groups)
+    return stratified_folds(labels, min(PARTS, int(np.bincount(labels).min())))
 
 
 def _candidates(config: ReadoutConfig, given: Collection[str], tau_s: float | None) -> Iterable[ReadoutConfig]:
     """Yield every encoder and resolution that the given fields permit."""
     encodings = registry.NAMES if set(given) <= FREE else [config.encoding]
-    resolutions = [config.resolution] if "resolution" in given else RESOLUTIONS
+    resolutions = [config.resolution] if "resolution" in given else BITS
     for tried in cases(config.replace(clocks_per_sample=MAX_CLOCKS), encoding=encodings, resolution=resolutions):
         yield with_seconds(tried, given, tau_s)
 
 
-def _statistics(config: ReadoutConfig, recordings: Iterable[NDArray[np.int32]]) -> tuple[NDArray[np.float64], int]:
-    """Return the event statistics of each recording, and the number of all events."""
+def _scans(
+    config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]], labels: NDArray[np.int64]
+) -> tuple[ScanData, float]:
+    """Return the event counts of recordings in time bins, and their bit/s."""
     ticks = max(round(BinConfig().bin_s * config.sample_rate_hz), 1)
-    columns, events = [], 0
+    scans, events = [], 0
     for codes in recordings:
         counts, _ = encode_timed(config, codes)
         channels = np.hstack([np.maximum(counts, 0), np.maximum(-counts, 0)]) if config.has_polarity else counts
-        bins = np.add.reduceat(channels, np.arange(0, len(counts), ticks), axis=0, dtype=np.float64)
-        columns.append(event_columns(bins, config.taxels))
+        scans.append(np.add.reduceat(channels, np.arange(0, len(counts), ticks), axis=0, dtype=np.int16))
         events += int(np.abs(counts).sum())
-    return np.array(columns), events
+    numbers = np.arange(len(scans))
+    events_hz = events * config.sample_rate_hz / sum(map(len, recordings))
+    data = ScanData(
+        values=filled(scans),
+        labels=labels,
+        images=numbers,
+        names=tuple(map(str, numbers)),
+        class_names=tuple(map(str, range(int(labels.max()) + 1))),
+        taxels=config.taxels,
+        step_s=ticks / config.sample_rate_hz,
+        rate_hz=events_hz,
+        lengths=np.array([len(scan) for scan in scans], np.int64),
+    )
+    return data, events_hz * config.event_bits
 
 
-def _accuracy(columns: NDArray[np.float64], labels: NDArray[np.int64], inner: int) -> float:
-    """Return the part of the recordings that a logistic regression classifies correctly in inner folds."""
-    every = np.arange(len(labels))
-    right = 0
-    for part in stratified_folds(labels, inner):
-        right += int((logistic_classes(columns, labels, np.setdiff1d(every, part), part) == labels[part]).sum())
-    return right / len(labels)
+def _short_training(data: ScanData, part: NDArray[np.int64], updates: int) -> tuple[int, float]:
+    """Return the errors and the log loss on a part of the recordings, after a training on the others."""
+    from scipy.special import log_softmax
+
+    from eskin.snn.network_config import NetworkConfig
+    from eskin.snn.train import logits_of, train
+    from eskin.snn.training import TrainConfig, parted
+
+    learned = np.setdiff1d(np.arange(len(data)), part)
+    seconds = np.array([data.steps_of(scan) * data.step_s for scan in range(len(data))])
+    follows = for_recordings("skin", seconds, data.step_s)
+    network, training = parted(RECIPES["skin"] | follows | {"hidden": HIDDEN})
+    made = TrainConfig.from_dict(training)
+    made = dataclasses.replace(made, epochs=epochs_for(len(learned), made.windows, made.batch, updates))
+    shape = {"inputs": data.channels, "classes": len(data.class_names)}
+    done = train(Split(data, learned), NetworkConfig.from_dict(network | shape), made, 0)
+    logits = logits_of(done.network, data, part).astype(float)
+    wrong = int((logits.argmax(1) != data.labels[part]).sum())
+    return wrong, -float(log_softmax(logits, 1)[np.arange(len(part)), data.labels[part]].mean())

@@ -1,6 +1,5 @@
-"""Baseline classifiers for recordings: logistic regression on statistics, and the most frequent class."""
+"""Plain references for recordings: logistic regression and a forest on statistics, and the most frequent class."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -8,13 +7,10 @@ from numpy.typing import NDArray
 
 from eskin.skin.recordings.event_files import statistics
 from eskin.snn.data.scans import ScanData
+from eskin.snn.forest import forest_classes
 
 PENALTY = 1.0
 """Half of this number times the sum of all squared weights is added to the loss (scikit-learn: C = 1)."""
-
-WORSE = 0.01
-"""Largest loss of accuracy against the statistics of events without a warning."""
-
 
 LEAST_RATE = 1e-3
 """Events per step that are added before a logarithm."""
@@ -87,12 +83,13 @@ def references(
     - ``signals``: shape (images, columns); statistics of the signals behind the events.
     """
     labels = data.image_labels
-    columns = {"events": event_statistics(data)} | ({} if signals is None else {"signals": signals})
-    found = {
-        name: score(labels[test], logistic_classes(values, labels, learned, test)) for name, values in columns.items()
-    }
     most = int(np.bincount(labels[learned]).argmax())
-    return found | {"most frequent class": score(labels[test], np.full(len(test), most))}
+    found = {"events": logistic_classes(event_statistics(data), labels, learned, test)}
+    if signals is not None:
+        found["signals"] = logistic_classes(signals, labels, learned, test)
+        found["forest"] = forest_classes(signals, labels, learned, test)
+    found["most frequent class"] = np.full(len(test), most)
+    return {name: score(labels[test], one) | {"predicted": one.tolist()} for name, one in found.items()}
 
 
 def is_unbalanced(labels: NDArray[np.int64]) -> bool:
@@ -100,24 +97,3 @@ def is_unbalanced(labels: NDArray[np.int64]) -> bool:
     counts = np.bincount(labels)
     counts = counts[counts > 0]
     return bool(counts.max() > 1.5 * counts.min())
-
-
-def sentences(network: dict[str, Any], found: dict[str, dict[str, Any]], total: int, unbalanced: bool) -> Sequence[str]:
-    """Return sentences that compare the accuracy of a network with the baselines."""
-    words = {
-        "events": "logistic regression on statistics of the network's inputs",
-        "signals": "logistic regression on statistics of the signals",
-        "most frequent class": "always the most frequent class",
-    }
-    lines = []
-    for name, one in found.items():
-        more = f", balanced {one['balanced_accuracy']:.1%}" if unbalanced else ""
-        lines.append(f"{words[name]}: {one['accuracy']:.1%} ({one['right']} of {total}{more})")
-    best = max((one["accuracy"], name) for name, one in found.items() if name != "most frequent class")
-    if network["accuracy"] < best[0] - WORSE:
-        finer = "" if best[1] == "events" else ", a finer --resolution"
-        lines.append(
-            f"the network is {100 * (best[0] - network['accuracy']):.1f} points worse than the {words[best[1]]}; "
-            f"try more --epochs, --set hidden=256, --set windows=8{finer}, or another seed"
-        )
-    return lines

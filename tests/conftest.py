@@ -46,6 +46,16 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.fixture
+def shorter(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shorten the trainings that choose settings for recordings, and the training without ``--epochs``."""
+    from eskin.snn import encoder_choice
+    from eskin.snn.experiments import recipes
+
+    monkeypatch.setattr(encoder_choice, "UPDATES", (30, 10, 10, 30))
+    monkeypatch.setattr(recipes, "UPDATES", 300)
+
+
 def run_eskin(*arguments: object, program: typer.Typer = app) -> subprocess.CompletedProcess[str]:
     """Run ``eskin`` or another program in this process, and return exit code, output and error output."""
     words = [str(argument) for argument in arguments]

@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from eskin import model
 from eskin.base.errors import InputError
-from eskin.base.files import read_arrays, write_arrays
+from eskin.base.files import read_arrays, write_arrays, write_json
 from eskin.base.workers.engine import Pool
 from eskin.model import __version__
 from eskin.model.config import ReadoutConfig
@@ -30,7 +30,11 @@ KEPT = Path("out/recordings")  # folder of the event files that commands encode 
 SEGMENT, BANDS = 64, 16
 """Samples of a segment of the spectrum (Welch, half overlapping, Hann), and bands into which its lines are averaged."""
 
+BIN_SEGMENT, SPECTRUM = 256, 0.95
+"""Samples of a segment of the spectrum that sets a time bin, and the share of its power up to its edge."""
+
 _FILE = "signals.codes"  # file of codes: an archive like ``.npz``, without the ending of event files
+CHOICE = "choice.json"  # file of the scores of the settings that were compared
 _CODES = "codes/"
 _LEAST = 1e-6  # small number that is added to deviations and powers before a logarithm
 
@@ -76,6 +80,7 @@ def kept_events(
     try:
         quality, _ = write_folder(recordings, part, pool)
         write_signals(recordings, part)
+        write_json(part / CHOICE, {"scores": list(recordings.scores)})
         part.chmod(0o755)
         if not folder.is_dir():
             os.replace(part, folder)
@@ -125,6 +130,22 @@ def seconds_of(folder: Path) -> NDArray[np.float64] | None:
         return None
     codes, rate_hz, _ = found
     return np.array([len(one) / rate_hz for one in codes.values()])
+
+
+def bin_of_spectrum(folder: Path, names: Sequence[str]) -> float:
+    """Return a time bin in seconds for the named recordings: a quarter period of the frequency below which
+    ``SPECTRUM`` of the power of their signals lies, without their means, in whole sample periods."""
+    from scipy.signal import welch
+
+    codes, rate_hz = signals_of(folder)
+    power = np.zeros(BIN_SEGMENT // 2 + 1)
+    for name in names:
+        signal = codes[name] - codes[name].mean(0)
+        filled = np.pad(signal, ((0, max(BIN_SEGMENT - len(signal), 0)), (0, 0)))
+        power += welch(filled, nperseg=BIN_SEGMENT, axis=0)[1].sum(1)
+    share = np.cumsum(power) / max(power.sum(), np.finfo(float).tiny)
+    edge_hz = rate_hz * max(int(np.searchsorted(share, SPECTRUM)), 1) / BIN_SEGMENT
+    return max(round(rate_hz / (4 * edge_hz)), 1) / rate_hz
 
 
 def signal_statistics(folder: Path, names: tuple[str, ...]) -> NDArray[np.float64] | None:

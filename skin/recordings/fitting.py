@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from eskin.base.errors import InputError
 from eskin.model.config import MAX_LEAK_PERIOD, MAX_TAU_ERROR, ReadoutConfig
 from eskin.model.encoders.fields import signals
 from eskin.model.taxel import decode, encode_timed, slope_limit
+from eskin.skin.recordings.options import Preparation
 from eskin.skin.recordings.quality import MAX_CLOCKS, clocks_needed, encoded, power_of_two
 from eskin.skin.textures.scan import leak_of
 
@@ -70,40 +71,44 @@ def other_leak(config: ReadoutConfig, given: Collection[str]) -> tuple[str, ...]
 
 @dataclass(frozen=True)
 class Fit:
-    """Choice of a configuration: the resolution by the reconstruction SNR, the full scale from all recordings.
+    """Choice of a configuration: resolution by the reconstruction SNR, scale and offsets from all recordings.
 
     A subclass may choose otherwise; its ``repr`` names all of its parameters.
     """
 
     tau_s: float | None = None  # time constant of leaky encoders that the user chose
-    other_scales: ClassVar[tuple[str, ...]] = ()  # texts of ``Preparation.scale`` that are tried beside ``max``
 
     def learned(self, names: Sequence[str], classes: Sequence[str], groups: Sequence[str]) -> NDArray[np.int64]:
         """Return the numbers of the recordings from which to choose, by the names, classes and groups of all."""
         return np.arange(len(names))
+
+    def variants(self, options: Preparation, given: Collection[str]) -> tuple[Preparation, ...]:
+        """Return the preparations to compare, first that of the user."""
+        return (options,)
 
     def choose(
         self,
         config: ReadoutConfig,
         given: Collection[str],
         classes: Sequence[str],
-        recordings: Mapping[str, Sequence[NDArray[np.int32]]],
+        groups: Sequence[str],
+        recordings: Mapping[Preparation, Sequence[NDArray[np.int32]]],
         progress: Callable[[], object],
-    ) -> tuple[ReadoutConfig, str, str]:
-        """Return a configuration in which the given fields are unchanged, the scale, and a note for the user.
+    ) -> tuple[ReadoutConfig, Preparation, str, list[dict[str, Any]]]:
+        """Return a configuration in which the given fields are unchanged, the preparation, a note, and scores.
 
-        The note may be empty. The scale is the first one. The resolution is the coarsest one that represents half of
-        the taxels with at least ``ENOUGH_DB`` on some recordings, evenly spread. Where none does, as with a leak, it
-        stays as it is.
+        The note may be empty. The preparation is the first one. The resolution is the coarsest one that represents
+        half of the taxels with at least ``ENOUGH_DB`` on some recordings, evenly spread. Where none does, as with a
+        leak, it stays as it is.
 
         - ``given``: fields that the user set.
-        - ``classes``: class of each recording.
-        - ``recordings``: codes of the ``learned`` recordings by scale, each of shape (ticks, taxels).
+        - ``classes``, ``groups``: class and group of each recording.
+        - ``recordings``: codes of the ``learned`` recordings by preparation, each of shape (ticks, taxels).
         - ``progress``: called after each setting that is tried.
         """
-        scale, codes_of_all = next(iter(recordings.items()))
+        options, codes_of_all = next(iter(recordings.items()))
         if "resolution" in given:
-            return config, scale, ""
+            return config, options, "", []
         some = codes_of_all[:: -(-len(codes_of_all) // MAX_TRIED)]
         for resolution in RESOLUTIONS:
             tried = config.replace(resolution=resolution, clocks_per_sample=MAX_CLOCKS)
@@ -116,7 +121,7 @@ class Fit:
             if np.median(signal / np.maximum(noise, 1e-9)) >= 10 ** (ENOUGH_DB / 10):
                 config = config.replace(resolution=resolution)
                 break
-        return config, scale, f"resolution {config.resolution} b; --resolution chooses another"
+        return config, options, f"resolution {config.resolution} b; --resolution chooses another", []
 
 
 def with_clock(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]) -> ReadoutConfig:

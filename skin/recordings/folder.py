@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -62,6 +63,7 @@ class RecordingSet:
     columns: tuple[str, ...] = ()  # names of the taxels, if the files have them
     shaped: bool = False  # the files give rows and columns of the array
     starts_s: Mapping[str, float] = field(default_factory=dict)  # first time stamp in seconds by source, if any
+    scores: Sequence[dict[str, Any]] = ()  # of all settings that were compared
 
     def recording(self, number: int) -> tuple[Recording, Quality]:
         """Return the events of a recording from the cycle-accurate model, and their quality."""
@@ -152,23 +154,23 @@ def read_set(
     taxels = config.taxels if {"rows", "columns"} & set(given) else None
     tables, options, notes = _tables_of(sources, options, rate_hz, taxels, flat, progress)
     pieces = _pieces_of(sources, tables, options, config.sample_bits, rate_hz)
-    sources, tau_s = pieces.sources, fit.tau_s if fit else None
+    sources, tau_s = _in_groups(pieces.sources, options.group_name), fit.tau_s if fit else None
     classes = [str(source.class_name) for source in sources]
     groups = [source.group or source.name for source in sources]
     learned = fit.learned([source.name for source in sources], classes, groups) if fit else range(len(sources))
     files = sorted({pieces.files[number] for number in learned})
-    tried = {options.scale: prepare(tables, options, config.sample_bits, rate_hz, files)}
-    prepared = tried[options.scale]
+    tried = {
+        one: prepare(tables, one, config.sample_bits, rate_hz, files)
+        for one in (fit.variants(options, given) if fit else (options,))
+    }
+    prepared, scores = tried[options], list[dict[str, Any]]()
     config = _with_array(config, tables[0], given)
     config = with_seconds(config.replace(sample_rate_hz=prepared.rate_hz), given, tau_s)
-    if fit and not {"encoding", "resolution"} <= set(given):
-        for scale in fit.other_scales if options.scale == "max" and "scale" not in given else ():
-            other = dataclasses.replace(options, scale=scale)
-            tried[scale] = prepare(tables, other, config.sample_bits, rate_hz, files)
-        codes = {scale: [every[n] for n in learned] for scale, one in tried.items() for every in [pieces.cut(one)]}
-        tick = progress or (lambda: None)
-        config, scale, note = fit.choose(config, given, [classes[number] for number in learned], codes, tick)
-        prepared = tried[scale]
+    if fit and (len(tried) > 1 or not {"encoding", "resolution"} <= set(given)):
+        codes = {one: [every[n] for n in learned] for one, made in tried.items() for every in [pieces.cut(made)]}
+        kinds, of = ([every[n] for n in learned] for every in (classes, groups))
+        config, chosen, note, scores = fit.choose(config, given, kinds, of, codes, progress or (lambda: None))
+        prepared = tried[chosen]
         notes += (note,) if note else ()
     codes_of_all = pieces.cut(prepared)
     if "clocks_per_sample" not in given:
@@ -187,6 +189,7 @@ def read_set(
         columns=tables[0].names if tables[0].named else (),
         shaped=tables[0].shape is not None,
         starts_s=pieces.starts_s,
+        scores=scores,
     )
 
 
@@ -242,6 +245,20 @@ def _pieces_of(
     parts, notes = parts_of(tables, [len(codes) for codes in prepared.codes], prepared.rate_hz, options)
     found = [(n, source.part(part)) for n, source in enumerate(sources) for part in parts[n]]
     return _Pieces(tuple(source for _, source in found), [n for n, _ in found], parts, {}, notes)
+
+
+def _in_groups(sources: Sequence[Source], pattern: str) -> tuple[Source, ...]:
+    """Return recordings with the group that a regular expression finds in their names."""
+    if not pattern:
+        return tuple(sources)
+    found = [re.search(pattern, source.name) for source in sources]
+    if None in found:
+        raise InputError(f"--group-name {pattern!r} does not match {sources[found.index(None)].name}")
+    return tuple(
+        dataclasses.replace(source, group=match.group())
+        for source, match in zip(sources, found, strict=True)
+        if match is not None
+    )
 
 
 def _with_array(config: ReadoutConfig, table: Table, given: Collection[str]) -> ReadoutConfig:

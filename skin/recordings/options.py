@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -38,6 +39,9 @@ class Preparation(Configuration):
     field: str = parameter("", "", GUIDE, "array, variable, sheet or message field with the samples")
     label_column: str = parameter("", "", GUIDE, "column with the class of each sample, by name or number")
     group_column: str = parameter("", "", GUIDE, "column with the group of each sample, such as a subject")
+    group_name: str = parameter(
+        "", "", GUIDE, "regular expression; recordings with the same match in the name are a group"
+    )
     window_s: float = parameter(0.0, "s", GUIDE, "length of windows that each get a class from --label-column")
     hop_s: float = parameter(0.0, "s", GUIDE, "time from a window to the next [half a window]")
     guard_s: float = parameter(0.0, "s", GUIDE, "windows that end this close to a change of the label are left out")
@@ -72,6 +76,10 @@ class Preparation(Configuration):
         if self.window_s and not self.hop_s:
             object.__setattr__(self, "hop_s", self.window_s / 2)
         self.percentile()
+        try:
+            re.compile(self.group_name)
+        except re.error as error:
+            raise InputError(f"--group-name needs a regular expression, not {self.group_name!r}: {error}") from None
         if not all(isinstance(name, str) for name in self.names):
             raise InputError(f"the names of columns must be texts, not {self.names!r}")
         object.__setattr__(self, "names", tuple(self.names))

@@ -280,6 +280,8 @@ def compare_integer(weights_file: Path, made: IntegerWeights) -> str:
         raise InputError(f"--accuracy needs the result.json of the training beside {weights_file.name}")
     data = result.experiment.data()
     images = result.test_images(data.image_labels)
+    if not len(images):
+        raise InputError(f"{weights_file} was trained on all recordings, so --accuracy has no test recordings")
     labels = data.image_labels[images]
     right = int((predicted_classes(weights.network, data, images) == labels).sum())
     whole = int((integer_classes(made.network, data, images) == labels).sum())

@@ -1,6 +1,7 @@
-"""Confidence intervals of an accuracy: Wilson, and bootstrap over images and seeds."""
+"""Confidence intervals of an accuracy: Wilson, and bootstrap over images and seeds; comparison with references."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -51,3 +52,34 @@ def scored(correct: NDArray[np.float64]) -> dict[str, Any]:
         "bootstrap_95": bootstrap(correct),
         "images": images,
     }
+
+
+WORDS = {
+    "events": "logistic regression on statistics of the network's inputs",
+    "signals": "logistic regression on statistics of the signals",
+    "forest": "forest on statistics of the signals",
+    "most frequent class": "always the most frequent class",
+}
+"""Names of the references."""
+
+
+def sentences(result: dict[str, Any], unbalanced: bool) -> Sequence[str]:
+    """Return sentences that compare the accuracy of a network with the references of its ``result.json``.
+
+    The network is called worse than the best reference if the 95 % bootstrap interval of their difference over the
+    test recordings does not contain 0.
+    """
+    labels, found = np.array(result["labels"]), result["references"]
+    lines = []
+    for name, one in found.items():
+        more = f", balanced {one['balanced_accuracy']:.1%}" if unbalanced else ""
+        lines.append(f"{WORDS[name]}: {one['accuracy']:.1%} ({one['right']} of {len(labels)}{more})")
+    best = max(found, key=lambda name: found[name]["accuracy"])
+    right = {name: np.array(one["predicted"]) == labels for name, one in {**found, "": result}.items()}
+    low, high = bootstrap((right[best].astype(float) - right[""])[:, None])
+    if low > 0:
+        lines.append(
+            f"the network is worse than the {WORDS[best].removeprefix('always the ')}, by {100 * low:.1f} to "
+            f"{100 * high:.1f} points (95 % interval); let networks of several --seed vote, or use that reference"
+        )
+    return lines

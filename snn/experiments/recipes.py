@@ -75,6 +75,9 @@ WHOLE_STEPS, LIKE = 512, 1.5
 MAX_WINDOWS = 4
 """Most windows of a recording in an epoch."""
 
+UPDATES, MOST_EPOCHS = 2400, 400
+"""Updates of the weights in a training on recordings, where the user gives no epochs, and the most epochs."""
+
 _BATCHES = 8
 """Least number of batches in an epoch, if there are enough scans: few steps teach little."""
 
@@ -105,3 +108,8 @@ def for_recordings(recipe: str, seconds: NDArray[np.float64], bin_s: float) -> d
         for name, part in (("decay", _LEAK), ("output_decay", _OUTPUT_LEAK)):
             found[name] = 1 - 2.0 ** -min(max(round(math.log2(max(window * part, 1))), 1), 10)
     return found
+
+
+def epochs_for(recordings: int, windows: int, batch: int, updates: int) -> int:
+    """Return the epochs in which a training on recordings makes about so many updates."""
+    return min(max(round(updates / math.ceil(recordings * windows / batch)), 1), MOST_EPOCHS)

@@ -72,6 +72,7 @@ def train_fold(
     device: str = "cpu",
     watch_test: bool = False,
     progress: Callable[[Epoch], None] | None = None,
+    more: dict[str, Any] | None = None,
 ) -> tuple[Training, dict[str, Any]]:
     """Train a network on a fold, and write ``result.json`` and ``weights.npz``.
 
@@ -83,6 +84,7 @@ def train_fold(
     - ``device``: device name of torch.
     - ``watch_test``: also note the test accuracy of every epoch, which selects nothing.
     - ``progress``: called after each epoch.
+    - ``more``: other entries of ``result.json``.
     """
     data, labels = fold.data, fold.data.image_labels[fold.test]
     training = train(
@@ -105,6 +107,7 @@ def train_fold(
         "labels": labels.tolist(),
         "predicted": predicted.tolist(),
         "history": [dataclasses.asdict(epoch) for epoch in training.history],
+        **(more or {}),
     }
     if fold.of == 1 or data.groups:
         result["test_images"] = fold.test.tolist()
@@ -115,3 +118,35 @@ def train_fold(
     write_json(out / "result.json", result)
     save_weights(out / "weights.npz", Weights(training.network, data.class_names, data.step_s))
     return training, result
+
+
+def train_whole(
+    experiment: Experiment,
+    data: ScanData,
+    seed: int,
+    out: Path,
+    tested: dict[str, Any],
+    *,
+    checkpoint_every: int = 5,
+    device: str = "cpu",
+    progress: Callable[[Epoch], None] | None = None,
+) -> None:
+    """Train a network on all recordings, and write ``weights.npz``, and a ``result.json`` without test recordings.
+
+    ``tested`` is the result of ``train_fold`` with the same settings; the other parameters are those of ``train_fold``.
+    """
+    training = train(
+        Split(data, np.arange(len(data.names))),
+        experiment.network_config(data),
+        experiment.train,
+        seed,
+        progress=progress,
+        checkpoint=Checkpoint(out / "checkpoint.pt", checkpoint_every),
+        device=device,
+    )
+    whole = {"fold": 0, "folds": 1, "labels": [], "predicted": [], "test_images": []}
+    whole |= {"history": [dataclasses.asdict(epoch) for epoch in training.history]}
+    scores = {name: tested[name] for name in ("accuracy", "balanced_accuracy", "right")}
+    kept = {name: value for name, value in tested.items() if name not in {*scores, "references"}}
+    write_json(out / "result.json", kept | whole | {"tested_fold": scores | {"of": len(tested["labels"])}})
+    save_weights(out / "weights.npz", Weights(training.network, data.class_names, data.step_s))

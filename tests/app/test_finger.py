@@ -5,6 +5,8 @@ import re
 import shutil
 from pathlib import Path
 
+import pytest
+
 from eskin.app.catalogue import COMMANDS
 from eskin.app.commands.signals.recordings import FINGER
 from eskin.model.classifier.file import IntegerWeights
@@ -16,6 +18,7 @@ from tests.conftest import Call, command
 LAST = re.compile(r"touch to class: (\d+) recordings, (\d+) events, 0 mismatches, (\d+) right")
 
 
+@pytest.mark.usefixtures("shorter")
 def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(call: Call, folder: Path) -> None:
     """Run folder, training, prediction, quantisation and chip with default options and a small network."""
 
@@ -32,6 +35,7 @@ def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(call: Call, f
     assert {name: one["right"] >= 9 for name, one in result["references"].items()} == {
         "events": True,
         "signals": True,
+        "forest": True,
         "most frequent class": False,
     }
     assert result["right"] >= 9

@@ -214,6 +214,7 @@ def test_a_wrong_command_is_found(text: str, problem: str) -> None:
     assert problem_of(words_behind(text), True).startswith(problem)
 
 
+@pytest.mark.usefixtures("shorter")
 def test_these_run_as_printed(folder: Path, call: Any) -> None:
     shown = {text for _, text, _ in printed()}
     np.savetxt(

@@ -262,7 +262,8 @@ def test_a_fixed_offset_a_taxel_keeps_the_level_and_comes_from_the_training_reco
     assert found.options.offsets == (300, 5000), "the outlier and the third recording set nothing"
     assert [codes[20].tolist() for codes in found.codes] == [[205, 205], [819, 819], [1843, 1843]]
     again = OwnReadout.of(Recording.load(write_folder(found, tmp_path / "e") and tmp_path / "e/press/2.npz"))
-    assert again is not None and again.options.offsets == (300, 5000)
+    assert again is not None
+    assert again.options.offsets == (300, 5000)
     write_csv(tmp_path / "new/0.csv", rest + 50 + 0 * values)  # at another level: the offsets stay
     assert again.read(tmp_path / "new", flat=True).codes[0][3].tolist() == [1024, 1024]
     with pytest.raises(InputError, match="the fixed baseline has 2 offsets, but the recording has 1 taxels"):

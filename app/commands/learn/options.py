@@ -5,8 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import os
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -42,7 +41,7 @@ Folds = Annotated[int, opt(..., "stratified folds", min=2)]
 Seeds = Annotated[int, opt(..., "seeds per fold", min=1)]
 Workers = Annotated[int | None, opt(..., "number of worker processes [one per usable core]", min=1)]
 
-DEFAULT_RESOLUTION = 4
+DEFAULT_RESOLUTION, EPOCHS = 4, 60
 
 WITHOUT_EFFECT = {
     "frames": "encoding resolution tau start receptive_fields",
@@ -57,7 +56,9 @@ _NAMES = {"bin_s": "bin", "config_file": "config", "start_rows": "start-rows"}
 ENCODER = ("encoding", "resolution", "receptive_fields", "sample_rate_hz")
 """Fields of the readout with an option; ``--config`` sets all fields."""
 
-OWN = field_options(Preparation, PREPARATION, {"baseline": "first", "strict": True}, RECORDINGS)
+OWN = field_options(
+    Preparation, PREPARATION, {"baseline": "first; train: chosen by inner validation", "strict": True}, RECORDINGS
+)
 
 _IN_HELP = {
     "encoding": "lcs; train --data: chosen by inner validation",
@@ -74,7 +75,7 @@ def _options(
     events: Path | None = opt(None, "DIR", "event files, for example of a replay, instead of textures"),
     preset: Preset = None,
     recipe: str | None = opt(None, "|".join(RECIPES), "named settings: docs/guide/classifier.md [tuned; --data: skin]"),
-    epochs: int = opt(60, "passes over the training scans", min=1),
+    epochs: int | None = opt(None, "passes over the training scans [60; train --data: 2400 updates]", min=1),
     bin_s: BinSeconds = None,
     frames: str | None = opt(None, FRAMES, "frames instead of events, such as frame-diff:250:8 (250 Hz, 8 bits)"),
     taxels: str | None = opt(None, CHOICES, "taxels of the array to use [all]"),
@@ -92,6 +93,9 @@ def _options(
     """Declare the options that define an experiment; this function is never called."""
 
 
+OTHER_BIN = 1.5
+"""Least ratio of two time bins that are compared."""
+
 NOT_OF_A_SWEEP = ("encoding", "resolution", "events", "frames")
 """Options of an experiment that the points of a sweep replace."""
 
@@ -99,26 +103,74 @@ NOT_OF_A_SWEEP = ("encoding", "resolution", "events", "frames")
 def with_experiment(command: Callable[..., Any]) -> Callable[..., Any]:
     """Replace the parameter ``make`` of a command by the options that define an Experiment.
 
-    ``make`` takes a ``Fit`` for recordings. A parameter ``options`` instead receives the values of the options by name,
+    ``make`` is a ``Maker``. A parameter ``options`` instead receives the values of the options by name,
     without those that the points of a sweep say.
     """
     others = inspect.signature(_options, eval_str=True).parameters.values()
     options = [*READOUT, *(p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in others), *OWN]
     if "make" in inspect.signature(command).parameters:
-        return replace_parameters(command, ["make"], options, lambda values: {"make": partial(_made, values)})
+        return replace_parameters(command, ["make"], options, lambda values: {"make": Maker(values)})
     kept = [option for option in options if option.name not in NOT_OF_A_SWEEP]
     return replace_parameters(command, ["options"], kept, lambda values: {"options": values})
 
 
-def _made(values: dict[str, Any], fit: Fit | None = None) -> Experiment:
-    """Return the experiment for the options of a command; raise an error for settings that the network lacks."""
-    from eskin.snn.experiments.settings import idle_settings
+@dataclasses.dataclass(frozen=True)
+class Maker:
+    """Make the experiment for the options of a command."""
 
-    made = build_experiment(values, fit)
-    kind, idle = idle_settings(made, values["settings"])
-    if idle:
-        raise InputError(f"{idle[0]} has no effect on a network of kind {kind}; leave it out")
-    return made
+    values: dict[str, Any]
+
+    def __call__(self, fit: Fit | None = None) -> Experiment:
+        """Return the experiment; raise an error for settings that the network lacks. ``fit`` is for recordings."""
+        from eskin.snn.experiments.settings import idle_settings
+
+        made = build_experiment(self.values, fit)
+        kind, idle = idle_settings(made, self.values["settings"])
+        if idle:
+            raise InputError(f"{idle[0]} has no effect on a network of kind {kind}; leave it out")
+        return made
+
+    def variations(self, made: Experiment, names: Sequence[str]) -> list[Experiment]:
+        """Return the experiments among which inner validation chooses, the default first.
+
+        Where the user sets neither, they differ in time bins and learned decays. The training recordings ``names`` set
+        time bins and, without ``--epochs``, the epochs. Other experiments than those of ``--data`` do not vary.
+        """
+        from eskin.skin.recordings.event_files import bin_of_spectrum, seconds_of
+        from eskin.snn.experiments.recipes import UPDATES, epochs_for, for_recordings
+        from eskin.snn.experiments.settings import parse_settings
+        from eskin.snn.training import parted
+
+        if self.values["data"] is None or made.events is None:
+            return [made]
+        folder, recipe = Path(made.events), self.values["recipe"] or "skin"
+        seconds = seconds_of(folder)
+        assert seconds is not None, "recordings have samples"
+        if self.values["epochs"] is None:
+            epochs = epochs_for(len(names), made.train.windows, made.train.batch, UPDATES)
+            made = dataclasses.replace(made, train=dataclasses.replace(made.train, epochs=epochs))
+        if made.frames is not None:
+            return [made]
+        settings = parse_settings(self.values["settings"] or [])
+        bins = [made.bins.bin_s]
+        if self.values["bin_s"] is None:
+            other = bin_of_spectrum(folder, names)
+            bins += [other] if max(other / bins[0], bins[0] / other) > OTHER_BIN else []
+        found = []
+        for learned in [False] if recipe != "skin" or "learn_decay" in settings else [False, True]:
+            for bin_s in bins:
+                follows = for_recordings(recipe, seconds, bin_s) | ({"learn_decay": True} if learned else {})
+                network, training = parted(follows | settings)
+                training.pop("batch", None)
+                found.append(
+                    dataclasses.replace(
+                        made,
+                        bins=dataclasses.replace(made.bins, bin_s=bin_s),
+                        network=made.network | network,
+                        train=dataclasses.replace(made.train, **training),
+                    )
+                )
+        return found
 
 
 def build_experiment(options: dict[str, Any], fit: Fit | None = None) -> Experiment:
@@ -147,8 +199,8 @@ def build_experiment(options: dict[str, Any], fit: Fit | None = None) -> Experim
     prepared = parse_fields(Preparation, {name: options[name] for name in PREPARATION})
     follows: dict[str, Any] = {}
     if options["data"] is not None:
-        fixed = given | ({"scale"} & set(prepared))
-        fixed = fixed if options["frames"] is None else fixed | {"encoding", "resolution"}
+        fixed = given | ({"scale", "baseline"} & set(prepared))
+        fixed = fixed if options["frames"] is None else fixed | {"encoding", "resolution", "baseline"}
         fit = dataclasses.replace(fit or Fit(), tau_s=tau_s)
         folder = events_of(options["data"], {"strict": True} | prepared, readout, fixed, fit=fit)
         tau_s = None  # the readout of the event files has it
@@ -166,7 +218,7 @@ def build_experiment(options: dict[str, Any], fit: Fit | None = None) -> Experim
     return experiment_of(
         recipe,
         follows | parse_settings(options["settings"] or []),
-        options["epochs"],
+        options["epochs"] or EPOCHS,
         bins,
         options["frames"],
         events=None if options["events"] is None else str(options["events"]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import shlex
@@ -18,10 +19,12 @@ from eskin.app.commands.learn.options import Folds, Seeds, Workers, check_device
 from eskin.app.commands.signals.recordings import scale_text
 from eskin.app.options import command, opt, out_folder
 from eskin.base.errors import InputError
+from eskin.base.files import read_json
 from eskin.base.progress import SILENCE_S, bar, progress_of, watched
 from eskin.base.workers.engine import open_pool
 
 if TYPE_CHECKING:
+    from eskin.app.commands.learn.options import Maker
     from eskin.snn.data.scans import ScanData
     from eskin.snn.experiments.experiment import Experiment
     from eskin.snn.experiments.single import Fold
@@ -35,11 +38,14 @@ FILES = ("checkpoint.pt", "result.json", "weights.npz")
 @command("Classifier", needs="snn", fuzz="--events good/events --folds 2 --fold 9", idle={"--test": "--fold --folds"})
 @with_experiment
 def train(
-    make: Any,
+    make: Any,  # a Maker
     folds: Folds = 6,
     fold: int = opt(0, "test fold, from 0", min=0),
     test: str | None = opt(
         None, "PATTERN", "test the recordings whose names match a pattern such as '*_1', instead of a fold"
+    ),
+    every: bool = opt(
+        False, "--all", "after the test, train the delivered network on all recordings; the tested one is in DIR/tested"
     ),
     seed: int = opt(0, "seed of weights, order and augmentation", min=0, max=2**32 - 1),
     checkpoint_every: int = opt(5, "epochs between checkpoints", min=1),
@@ -65,17 +71,61 @@ def train(
     if made.grid is not None:
         raise InputError("train needs a single value of each setting; use --set, or give the grid to crossval or sweep")
     chosen_out, out = out, out or OUT
-    output_folder(out, *FILES)
+    tested = "tested" if every else ""
+    output_folder(out / tested, *FILES)
     with bar("recording scans") as step:
         data = made.data(step)
     from eskin.snn.checkpoint import OtherTraining
-    from eskin.snn.experiments.single import Fold, train_fold
+    from eskin.snn.experiments.single import Fold, train_fold, train_whole
     from eskin.snn.figures.training import draw_training
-    from eskin.snn.kernels import cpu as kernel
 
     chosen = Fold.choose(data, fold, folds) if test is None else Fold.named(data, test)
-    print(f"data: {printable(data.source)}")
     noun = "images" if made.events is None else "recordings"
+    _print_data(chosen, folds, noun)
+    made, chosen, more = _chosen(make, made, chosen, seed)
+    data = chosen.data
+    options: dict[str, Any] = {"checkpoint_every": checkpoint_every, "device": device, "watch_test": watch_test}
+    with _epochs(made, data) as progress:
+        try:
+            training, result = train_fold(made, chosen, seed, out / tested, progress=progress, more=more, **options)
+        except OtherTraining:
+            if chosen_out is not None:
+                raise
+            out = OUT.with_name(_name_of(made, chosen, seed))
+            echo(f"{OUT} holds another training; this one goes to {out}", file=sys.stderr)
+            output_folder(out / tested, *FILES)
+            training, result = train_fold(made, chosen, seed, out / tested, progress=progress, more=more, **options)
+    _print_result(training, result, data, noun)
+    if watch_test:
+        best = max(training.history, key=lambda epoch: epoch.held_out or 0.0)
+        print(f"best test epoch {best.number}: {best.held_out:.1%} (no valid result: the test images chose the epoch)")
+    pictures = draw_training(result, [data.names[number] for number in chosen.test], out / tested)
+    if every:
+        print(f"training on all {len(data.names)} {noun}")
+        del options["watch_test"]
+        with _epochs(made, data) as progress:
+            train_whole(made, data, seed, out, result, progress=progress, **options)
+    echo(f"result: {out / 'result.json'}, weights: {out / 'weights.npz'}")
+    echo(f"{'picture' if len(pictures) == 1 else 'picture and page'}: {', '.join(map(str, pictures))}")
+    _print_next(made, out)
+
+
+def _print_next(made: Experiment, out: Path) -> None:
+    """Print the command that takes the weights further."""
+    if made.frames is None:
+        place = str(out / "weights.npz")
+        words = ["export", place, "-o", str(out / "network.nir")]
+        if made.events is not None:
+            words = ["quantise", place]
+        print(f"next: {shlex.join(['eskin', *words])}")
+
+
+def _print_data(chosen: Fold, folds: int, noun: str) -> None:
+    """Print numbers and classes of the training and test images."""
+    from eskin.snn.kernels import cpu as kernel
+
+    data = chosen.data
+    print(f"data: {printable(data.source)}")
     if 1 < chosen.of < folds:
         grouped = " groups of" if data.groups else ""
         print(
@@ -89,36 +139,37 @@ def train(
     echo(f"classes: {', '.join(data.class_names[:8])}{', ...' if len(data.class_names) > 8 else ''}")
     if not kernel.available():
         print("no C++ compiler was found: the dense torch path is used, about five times slower")
-    options: dict[str, Any] = {"checkpoint_every": checkpoint_every, "device": device, "watch_test": watch_test}
-    with _epochs(made, data) as progress:
-        try:
-            training, result = train_fold(made, chosen, seed, out, progress=progress, **options)
-        except OtherTraining:
-            if chosen_out is not None:
-                raise
-            out = OUT.with_name(_name_of(made, chosen, seed))
-            echo(f"{OUT} holds another training; this one goes to {out}", file=sys.stderr)
-            output_folder(out, *FILES)
-            training, result = train_fold(made, chosen, seed, out, progress=progress, **options)
-    _print_result(training, result, data, noun)
-    if watch_test:
-        best = max(training.history, key=lambda epoch: epoch.held_out or 0.0)
-        print(f"best test epoch {best.number}: {best.held_out:.1%} (no valid result: the test images chose the epoch)")
-    pictures = draw_training(result, [data.names[number] for number in chosen.test], out)
-    echo(f"result: {out / 'result.json'}, weights: {out / 'weights.npz'}")
-    echo(f"{'picture' if len(pictures) == 1 else 'picture and page'}: {', '.join(map(str, pictures))}")
-    if made.frames is None:
-        place = str(out / "weights.npz")
-        words = ["export", place, "-o", str(out / "network.nir")]
-        if made.events is not None:
-            words = ["quantise", place]
-        print(f"next: {shlex.join(['eskin', *words])}")
+
+
+def _chosen(make: Maker, made: Experiment, fold: Fold, seed: int) -> tuple[Experiment, Fold, dict[str, Any]]:
+    """Return experiment and fold with the settings that inner validation chooses, and all scores."""
+    from eskin.skin.recordings.event_files import CHOICE
+    from eskin.snn.experiments.inner import choose
+
+    tried = make.variations(made, [fold.data.names[number] for number in fold.images])
+    data = {made.bins: fold.data}
+
+    def data_of(one: Experiment) -> ScanData:
+        if one.bins not in data:
+            data[one.bins] = one.data()
+        return data[one.bins]
+
+    made, scores = choose(tried, data_of, fold.images, seed)
+    more: dict[str, Any] = {}
+    if scores:
+        more["inner"] = scores
+        decays = "learned" if made.network.get("learn_decay") else "fixed"
+        print(f"chosen: time bin {1e3 * made.bins.bin_s:.4g} ms, {decays} decays; --bin and --set learn_decay fix them")
+    if make.values["data"] is not None and made.events is not None:
+        more["choice"] = read_json(Path(made.events) / CHOICE, "the scores of the settings", dict)["scores"]
+    return made, dataclasses.replace(fold, data=data_of(made)), more
 
 
 def _print_result(training: Training, result: dict[str, Any], data: ScanData, noun: str) -> None:
     """Print readout and scale of recordings, the test accuracy, and the accuracy of baseline classifiers."""
     from eskin.skin.recordings.trained_on import OwnReadout
-    from eskin.snn.reference import is_unbalanced, sentences
+    from eskin.snn.experiments.intervals import sentences
+    from eskin.snn.reference import is_unbalanced
 
     last, labels = training.history[-1], result["labels"]
     right = sum(a == b for a, b in zip(result["predicted"], labels, strict=True))
@@ -131,7 +182,7 @@ def _print_result(training: Training, result: dict[str, Any], data: ScanData, no
     more = f", balanced {result['balanced_accuracy']:.1%}" if unbalanced else ""
     print(f"test accuracy {result['accuracy']:.1%} ({right} of {len(labels)} {noun}{more}), last epoch")
     if "references" in result:
-        for line in sentences(result, result["references"], len(labels), unbalanced):
+        for line in sentences(result, unbalanced):
             print(line)
 
 
