@@ -117,8 +117,11 @@ def test_predictions_from_rtl_spikes_are_those_from_model_spikes(
     tmp_path: Path, trained: Path, eskin: Any, predict: Any
 ) -> None:
     eskin("replay --rows 1 --columns 4 --dataset embedded --limit 6 --workers 1 --out replay")
-    output, _ = predict("--events", "replay", "--check-model")
+    output, _ = predict("--events", "replay", "--check-model", "--metrics")
     assert "6 of 6 images: same events, same tensors, same logits, same predictions (" in output
+    work = json.loads((tmp_path / "predictions.json").read_text())["metrics"]["synaptic_operations"]
+    assert f"synaptic operations of a recording: {work['Effective_MACs']:,.0f} MACs, " in output
+    assert 0 < work["Effective_MACs"] + work["Effective_ACs"] < work["Dense"]
     of_rtl = images_in(tmp_path)
     assert {image["source"] for image in of_rtl} == {"rtl"}
     assert all(image["predicted"] == image["model_predicted"] for image in of_rtl)

@@ -52,6 +52,9 @@ def predict(
     dataset: str | None = opt(
         None, "DIR|embedded", "textures of the recordings [$ESKIN_DATA, data/kylberg; else embedded]"
     ),
+    metrics: bool = opt(
+        False, "--metrics", "print NeuroBench's metrics: footprint, sparsities and synaptic operations of a recording"
+    ),
     out: Path = out_file(Path("out/predictions.json"), "FILE", "file for the predictions"),
 ) -> None:
     """Classify recordings with a trained network."""
@@ -61,6 +64,7 @@ def predict(
     from eskin.skin.foreign.files import is_foreign
     from eskin.snn.data.recordings import event_files, read_recordings
     from eskin.snn.experiments import evaluate as work
+    from eskin.snn.experiments.metrics import measure
     from eskin.snn.experiments.trained import load_trained
 
     torch.set_num_threads(1)
@@ -93,6 +97,9 @@ def predict(
         with bar("model", len(files)) as step:
             check = work.check_model(recordings, counts, logits, trained, dataset, data, step)
     report = work.predictions(recordings, logits, trained, scores, check)
+    if metrics:
+        report["metrics"] = measure(trained.weights.network, counts)
+        _print_metrics(report["metrics"])
     write_json(out, report)
     echo(f"predictions: {out}")
     _write_over_time(report, out)
@@ -151,6 +158,16 @@ def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> N
         print(f"{len(recordings) - count} recordings do not come from the RTL and were not compared")
     same = ", ".join(f"same {level}" for level in LEVELS)
     print(f"{count} of {count} {noun}: {same} ({check.events} events)")
+
+
+def _print_metrics(found: dict[str, Any]) -> None:
+    """Print NeuroBench's metrics."""
+    work = found["synaptic_operations"]
+    print(
+        f"footprint {found['footprint_bytes']} bytes; sparsity of connections {found['connection_sparsity']:.3f}, of "
+        f"activations {found['activation_sparsity']:.3f}; synaptic operations of a recording: "
+        f"{work['Effective_MACs']:,.0f} MACs, {work['Effective_ACs']:,.0f} ACs, {work['Dense']:,.0f} dense"
+    )
 
 
 def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float32], trained: Trained) -> None:
