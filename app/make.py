@@ -19,6 +19,7 @@ from eskin.app.catalogue import COMMANDS, sections, summaries, words_of
 from eskin.app.leave import leave_quietly
 from eskin.app.setup import APART, BASE, VENV, groups, install, install_apart, missing, python
 from eskin.app.uv import SetupError
+from eskin.board.bitstream.boards import BOARDS
 
 EXIT_INPUT_ERROR = 2
 YES, NO = ("1", "yes", "true"), ("", "0", "no", "false")
@@ -134,6 +135,8 @@ def needs_of(target: str, variables: dict[str, str]) -> list[str]:
         return [BASE, "sim", "snn", "dev", *(["docs"] if target == "docs" else [])]
     more = ["registers"] if variables.get("REGISTERS") == "spi" else []
     more += ["lint"] if "DUT" in variables else []
+    board = BOARDS.get(variables.get("BOARD", "")) if target == "fpga" else None
+    more += [board.family.group] if board else []
     return list(dict.fromkeys([BASE, *COMMANDS[target].needs.split(), *more]))
 
 

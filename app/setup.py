@@ -36,6 +36,7 @@ SIZES = {
     "asic": 30,
     "board": 1,
     "fpga": 205,
+    "fpga-small": 420,
     "lint": 16,
     "registers": 40,
     "dev": 160,

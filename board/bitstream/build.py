@@ -12,7 +12,7 @@ from typing import Any
 from eskin.base.errors import InputError
 from eskin.base.packages import missing
 from eskin.board.bitstream.boards import ECP5, Family, find_board
-from eskin.board.bitstream.on_board import SYSTEM_HZ, OnBoard
+from eskin.board.bitstream.on_board import OnBoard
 from eskin.board.config import BoardConfig, SerialConfig
 from eskin.board.sensor import SensorConfig
 from eskin.board.session import board_of
@@ -45,7 +45,7 @@ class Built:
     @property
     def luts(self) -> int:
         """Number of LUTs used, including carry chains and distributed memory."""
-        return self.used[self.family.lut]
+        return sum(self.used.get(kind, 0) for kind in self.family.lut)
 
     @property
     def blocks(self) -> int:
@@ -59,10 +59,14 @@ class Built:
 
 
 def design_of(
-    weights: Path | None, receiver: bool, baud: int = SerialConfig.baud, sensor: SensorConfig | None = None
+    weights: Path | None,
+    receiver: bool,
+    board: str = "ulx3s",
+    baud: int = SerialConfig.baud,
+    sensor: SensorConfig | None = None,
 ) -> BoardConfig:
     """Return the design to build: the AER receiver, or readout and classifier with the weights of a network."""
-    serial = SerialConfig(clock_hz=SYSTEM_HZ, baud=baud)
+    serial = SerialConfig(clock_hz=find_board(board).clock_hz, baud=baud)
     if receiver:
         return BoardConfig(chip=None, serial=serial)
     return replace(board_of(IntegerWeights.load(weights or NETWORK)), serial=serial, sensor=sensor)
@@ -80,11 +84,12 @@ def build(config: BoardConfig, board: str) -> Built:
         folder = Path(name)
         plan.extract(str(folder))
         files = {name: text.encode() if isinstance(text, str) else text for name, text in plan.files.items()}
-        (folder / f"{NAME}.json").write_text(_synthesise(f"script {NAME}.ys", files))
+        netlist = family.netlist.format(name=NAME)
+        (folder / f"{NAME}.json").write_text(_synthesise(f"script {NAME}.ys", files, netlist))
         place_and_route(folder, family, [*family.device(platform), *family.route.format(name=NAME).split()])
         _run(family.packer, family.pack.format(name=NAME).split(), folder)
         bitstream = NAME + family.bitstream
-        return read_report(folder, {bitstream: (folder / bitstream).read_bytes()}, family)
+        return read_report(folder, {bitstream: (folder / bitstream).read_bytes()}, family, chosen.clock_hz)
 
 
 def build_classifier(config: ClassifierConfig) -> Built:
@@ -99,10 +104,10 @@ def build_classifier(config: ClassifierConfig) -> Built:
         return read_report(folder, {}, ECP5)
 
 
-def _synthesise(script: str, files: dict[str, bytes]) -> str:
+def _synthesise(script: str, files: dict[str, bytes], netlist: str = f"{NAME}.json") -> str:
     """Return the netlist that a Yosys script writes."""
     try:
-        return yosys.run(script, "", f"{NAME}.json", files)
+        return yosys.run(script, "", netlist, files)
     except yosys.YosysError as error:
         raise BuildFailed(f"yosys failed: {error.reason}") from None
 
@@ -113,14 +118,14 @@ def place_and_route(folder: Path, family: Family, options: list[str]) -> None:
     _run(family.nextpnr, [*words, "--json", f"{NAME}.json", *options], folder)
 
 
-def read_report(folder: Path, files: dict[str, bytes], family: Family) -> Built:
+def read_report(folder: Path, files: dict[str, bytes], family: Family, aim_hz: float = 50e6) -> Built:
     """Return the results that nextpnr reported in a folder."""
     said: dict[str, Any] = json.loads((folder / "report.json").read_text())
-    clocks = [clock for clock in said["fmax"].values() if clock["constraint"] >= 50 - 1e-3]
+    clocks = [clock for clock in said["fmax"].values() if clock["constraint"] >= aim_hz / 1e6 - 1e-3]
     slowest = min(clocks, key=lambda clock: clock["achieved"])
     cells = {name: one for name, one in said["utilization"].items() if one["used"]}
     used, available = ({name: one[key] for name, one in cells.items()} for key in ("used", "available"))
-    return Built(used, available, 1e6 * slowest["achieved"], 1e6 * slowest["constraint"], files, family)
+    return Built(used, available, 1e6 * slowest["achieved"], aim_hz, files, family)
 
 
 def _run(program: str, words: list[str], folder: Path) -> None:
@@ -128,16 +133,16 @@ def _run(program: str, words: list[str], folder: Path) -> None:
 
     Raises InputError if its package is not installed or the design does not fit the FPGA, and else BuildFailed.
     """
-    module, _, function = program.partition(".")
+    module, _, function = program.rpartition(".")
     command = [sys.executable, "-c", f"import {module}; {module}.{function}()", *words]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode == 0:
         return
     said = (done.stderr or done.stdout).strip().splitlines() or [f"exit code {done.returncode}"]
     if "ModuleNotFoundError" in said[-1]:
-        raise InputError(missing(module))
+        raise InputError(missing(module.partition(".")[0]))
     errors = [line for line in said if line.startswith("ERROR")] or said[-1:]
-    if any("Unable to find" in line or "placed" in line for line in errors):
+    if any(words in line for line in errors for words in ("Unable to find", "Unable to place", "placed")):
         raise InputError(
             f"the design does not fit this board: {errors[0].removeprefix('ERROR: ')}; choose a larger board"
         )

@@ -4,30 +4,39 @@ from typing import Any
 
 from amaranth.hdl import ClockDomain, ClockSignal, Elaboratable, Module, ResetSignal, Signal
 
-from eskin.board.bitstream.boards import Family, FpgaBoard
+from eskin.board.bitstream.boards import FpgaBoard
 from eskin.board.config import BoardConfig
 from eskin.board.gateware.top import SKIN_PINS, Board
 
-SYSTEM_HZ = 50_000_000
+START_BITS = 10
+"""Bits of the count of clocks for which a design without PLL stays in reset: block RAMs start late."""
 
 
 class Clock(Elaboratable):
-    """PLL that makes the system clock from the crystal; the design is in reset until the PLL locks."""
+    """System clock: the crystal, or a PLL of it; the design is in reset at the start, or until the PLL locks."""
 
-    def __init__(self, family: Family) -> None:
-        self.family = family
+    def __init__(self, board: FpgaBoard) -> None:
+        self.board = board
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
         clock, locked, slow = Signal(), Signal(), Signal()
         m.domains.sync = ClockDomain()
         m.d.comb += slow.eq(platform.request(platform.default_clk, 0).i)
-        m.submodules.pll = self.family.pll(platform.default_clk_frequency, SYSTEM_HZ, slow, clock, locked)
+        crystal_hz, clock_hz = platform.default_clk_frequency, self.board.clock_hz
+        if self.board.family.pll is not None:
+            m.submodules.pll = self.board.family.pll(crystal_hz, clock_hz, slow, clock, locked)
+            platform.add_clock_constraint(clock, clock_hz)
+        else:
+            m.d.comb += clock.eq(slow)
         waits = Signal(2, init=3)  # LOCK is asynchronous to the clock
         m.domains.start = start = ClockDomain(reset_less=True, local=True)
         m.d.comb += [start.clk.eq(clock), ClockSignal("sync").eq(clock), ResetSignal("sync").eq(waits[1])]
         m.d.start += [waits[0].eq(~locked), waits[1].eq(waits[0])]
-        platform.add_clock_constraint(clock, SYSTEM_HZ)
+        if self.board.family.pll is None:
+            count = Signal(START_BITS)
+            m.d.comb += locked.eq(count.all())
+            m.d.start += count.eq(count + ~locked)
         return m
 
 
@@ -39,7 +48,7 @@ class OnBoard(Elaboratable):
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
-        m.submodules.clock = Clock(self.board.family)
+        m.submodules.clock = Clock(self.board)
         m.submodules.board = board = Board(self.config)
         uart = platform.request("uart", 0)
         m.d.comb += [

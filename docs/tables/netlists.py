@@ -115,4 +115,6 @@ def fpga(classifier: bool) -> Rows:
         if (report["design"] == "classifier") == classifier:
             aims = ((aim, "met" if aim["met"] else "**missed**") for aim in report.get("aims", []))
             aimed = "; ".join(f"{aim['what']} {aim['wanted']:g}: {met}" for aim, met in aims)
-            yield report | {"name": name, "memory": f"{report['memory_bytes'] / 1024:g}", "aimed": aimed}
+            flops = sum(number for kind, number in report["used"].items() if "FF" in kind)
+            more = {"name": name, "memory": f"{report['memory_bytes'] / 1024:g}", "aimed": aimed}
+            yield report | more | {"flops": f"{flops:,}" if flops else "in the LUT cells"}

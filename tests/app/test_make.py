@@ -249,6 +249,11 @@ def test_setup_installs_for_a_command_or_a_group(chosen: str, wanted: list[str])
     assert needs_of("setup", {"FOR": chosen}) == wanted
 
 
+def test_a_small_board_needs_its_tools() -> None:
+    assert needs_of("fpga", {"BOARD": "icebreaker"}) == ["base", "fpga", "fpga-small"]
+    assert needs_of("fpga", {"BOARD": "ulx3s-25f"}) == needs_of("fpga", {}) == ["base", "fpga"]
+
+
 def test_setup_refuses_an_unknown_command_or_group(launch: Callable[..., Any]) -> None:
     code, lines, err = launch("setup", "FOR=sim trian")
     assert (code, lines) == (2, [])

@@ -20,7 +20,7 @@ BUILT = Built({"TRELLIS_COMB": 2000, "DP16KD": 4}, {"TRELLIS_COMB": 24288}, 51.2
 
 @pytest.mark.command("fpga")  # place and route takes a minute
 def test_mistakes_are_one_sentence(refuses: Any) -> None:
-    boards = "ulx3s, ulx3s-45f, ulx3s-25f, ulx3s-12f"
+    boards = "ulx3s, ulx3s-45f, ulx3s-25f, ulx3s-12f, icebreaker, tangnano9k"
     refuses(f"error: --board must be one of {boards}, not 'spartan'\n", "fpga --board spartan")
     sentence = "error: --weights, --receiver and --alone each choose a design; give one of them\n"
     refuses(sentence, "fpga --receiver --alone 8")
@@ -35,7 +35,8 @@ def test_the_default_is_the_chip_of_the_embedded_textures() -> None:
 
 
 def test_every_board_has_the_pins_and_the_clock() -> None:
-    assert [board.open().device for board in BOARDS.values()] == ["LFE5U-85F", "LFE5U-45F", "LFE5U-25F", "LFE5U-12F"]
+    large = [board.open().device for board in BOARDS.values() if board.family is ECP5]
+    assert large == ["LFE5U-85F", "LFE5U-45F", "LFE5U-25F", "LFE5U-12F"]
     board = find_board("ulx3s")
     files = board.open().prepare(OnBoard(BoardConfig(chip=None), board), NAME).files
     text, design = str(files[f"{NAME}.lpf"]), str(files[f"{NAME}.il"])
@@ -50,6 +51,27 @@ def test_every_board_has_the_pins_and_the_clock() -> None:
     assert pins["miso", "i"] == ["gpio_0:9-"]
     assert {way for _, way in pins} == {"i", "o"}
     assert len(board.rows.split()) == MAX_ROWS
+
+
+SMALL = {
+    "icebreaker": (".pcf", ["set_io aer_0__req__io 4", "set_io uart_0__tx__io 9", "set_frequency clk12_0__io 12.0"]),
+    "tangnano9k": (".cst", ['"aer_0__req__io" 25;', '"uart_0__tx__io" 17;', '"aer_0__addr__io[11]" PULL_MODE=DOWN;']),
+}
+"""File of the pins, and some of its lines."""
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_a_small_board_runs_at_its_crystal_and_starts_in_reset(name: str) -> None:
+    board, (suffix, lines) = find_board(name), SMALL[name]
+    platform = board.open()
+    files = platform.prepare(OnBoard(design_of(None, receiver=True, board=name), board), NAME).files
+    text, design = (str(files[NAME + end]) for end in (suffix, ".il"))
+    assert all(line in text for line in lines)
+    assert board.clock_hz == platform.default_clk_frequency
+    assert design_of(None, receiver=True, board=name).serial.clock_hz == board.clock_hz
+    assert "EHXPLLL" not in design
+    pins = {pin for signal in board.skin_pins(MAX_ROWS).ios for pin in signal.ios[0].names}
+    assert len(pins) == MAX_ROWS + len(board.converter)
 
 
 def test_the_classifier_alone_has_potentials_of_32_thresholds() -> None:

@@ -57,9 +57,9 @@ def fpga(
     baud: int = opt(2_000_000, "bits per second of the serial line"),
     out: Path = out_folder(Path("out/fpga"), "parent folder for the files of the board"),
 ) -> None:
-    """Build the bitstream for a board, and report resources and clock; exit code 1 below 50 MHz.
+    """Build the bitstream for a board, and report resources and clock; exit code 1 below the clock of the board.
 
-    OUT/BOARD gets eskin_board.bit and report.json. The same design gives the same bytes.
+    OUT/BOARD gets the bitstream, eskin_board.*, and report.json. The same design gives the same bytes.
     """
     from eskin.board.bitstream import report
     from eskin.board.bitstream.build import build, build_classifier, design_of
@@ -73,7 +73,7 @@ def fpga(
         aims = report.classifier_aims(built, alone)
     else:
         sensor = SensorConfig(part=cast(PartName, adc), settle_s=settle) if adc else None
-        config = design_of(weights, receiver, baud, sensor)
+        config = design_of(weights, receiver, board, baud, sensor)
         name, built = board, build(config, board)
         chosen = {"BOARD": board, "WEIGHTS": weights and weights.name, "RECEIVER": receiver}
         line = {"BAUD": baud != SerialConfig.baud and baud, "ADC": adc, "SETTLE": adc and f"{settle:g}"}
