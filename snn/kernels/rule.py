@@ -7,6 +7,7 @@ from typing import Literal
 import torch
 from torch import Tensor
 
+from eskin.base.configuration import Configuration
 from eskin.base.errors import InputError
 
 NeuronReset = Literal["zero", "subtract"]
@@ -16,7 +17,7 @@ SURROGATES = ("gaussian", "fast-sigmoid", "triangle", "arctan")
 
 
 @dataclass(frozen=True, kw_only=True)
-class NeuronRule:
+class NeuronRule(Configuration):
     """Constants of a neuron with threshold 1."""
 
     floor: float = -1.0
@@ -33,8 +34,7 @@ class NeuronRule:
     """Paper's network: 0.5 times the normal density with sigma 0.5."""
 
     def __post_init__(self) -> None:
-        if self.reset not in ("zero", "subtract"):
-            raise InputError(f"reset must be zero or subtract, not {self.reset!r}")
+        self._check_types()
         if self.surrogate not in SURROGATES:
             raise InputError(f"surrogate must be one of {', '.join(SURROGATES)}, not {self.surrogate!r}")
         if not self.floor < 1:
