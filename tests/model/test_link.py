@@ -83,7 +83,7 @@ def test_the_wires_of_every_link_show_its_events(config: ReadoutConfig) -> None:
         high = sum(shown.high)
         assert high <= 1
         if high and not (before and link.rule().late):
-            found.append((clock - link.rule().late, shown.column, shown.row, bool(shown.polarity)))
+            found.append((clock - link.rule().late, shown.column, shown.row, shown.polarity == 1))
         before = bool(high)
         taken = numbers.pop(0) if offered != NOTHING and traffic[clock] == TAKEN else NOTHING
         link.advance(link.rule(), state, sink, clock, taken)
