@@ -203,7 +203,7 @@ def read_image(path: Path) -> NDArray[Any]:
 def _gray(image: Image) -> NDArray[Any]:
     if image.mode == "F":
         raise InputError("contains floats of unknown scale; save it with 8 or 16 bits")
-    if image.has_transparency_data and image.convert("RGBA").getextrema()[3][0] < 255:
+    if image.has_transparency_data and np.asarray(image.convert("RGBA"))[:, :, 3].min() < 255:
         raise InputError("has transparent pixels, which have no gray value; save it without transparency")
     if image.mode.startswith("I"):  # 16 bits, which a conversion to 8 would cut off instead of scaling
         return np.asarray(image, dtype=np.float64) / 257.0
