@@ -34,7 +34,7 @@ FIRST = (
 )
 """Modules that users of a part call, in the order of the list."""
 
-PACKAGES = ("model", "rtl", "skin", "power", "cocotb_tests", "snn", "board", "flow", "verify", "base")
+PACKAGES = ("model", "rtl", "skin", "power", "cocotb_tests", "analog", "snn", "board", "flow", "verify", "base")
 OUTSIDE = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md", "studies/README.md": "studies.md"}
 """Pages outside this folder, with their names on the site."""
 API = "reference/api"

@@ -1,0 +1,80 @@
+"""Compare the delivered Verilog, driven by comparators of transistors, with the golden model."""
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eskin.analog.bench import RESULT
+from eskin.analog.circuit import FrontEnd
+from eskin.cocotb_tests.bench.block import JOB
+from eskin.cocotb_tests.runner.simulator import build
+from eskin.model.address_events import Events, make_events
+from eskin.model.config import ReadoutConfig
+from eskin.model.readout import Stimulus, simulate
+
+MODULE = "eskin.analog.bench"
+
+
+@dataclass(frozen=True)
+class Loop:
+    """What happened in a loop of taxels and Verilog."""
+
+    events: Events  # of the Verilog
+    expected: Events  # of the golden model, with the decisions of the loop
+    strobes: NDArray[np.int64]  # decisions of each taxel, shape (taxels,)
+
+    @property
+    def different(self) -> int:
+        """Number of events that only the Verilog or only the model has."""
+        return different(self.events, self.expected)
+
+
+def different(one: Events, other: Events) -> int:
+    """Return the number of events that only one of two lists has in their clock."""
+    return len({*map(tuple, one.tolist())} ^ {*map(tuple, other.tolist())})
+
+
+def play(
+    config: ReadoutConfig,
+    front_end: FrontEnd,
+    signal: NDArray[np.float64],
+    folder: Path,
+    *,
+    gain: float = 1.0,
+    offsets_v: NDArray[np.float64] | None = None,
+    behave: float | None = None,
+) -> Loop:
+    """Play a signal through the comparators and the Verilog, in Icarus.
+
+    Parameters
+    ----------
+    signal : ndarray
+        Codes, with fractions, of shape (ticks, taxels).
+    gain : float
+        Gain of the DAC, as the characterisation measured it.
+    offsets_v : ndarray, optional
+        Offsets of the comparators for ON and OFF in volts, shape (taxels, 2).
+    behave : float, optional
+        Replace the transistors by ideal comparators with this offset in volts, in addition to ``offsets_v``.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    np.save(folder / "signal.npy", signal)
+    job = {
+        "config": config.to_dict(),
+        "front_end": front_end.to_dict(),
+        "signal": str((folder / "signal.npy").resolve()),
+        "gain": gain,
+        "offsets_v": (np.zeros((config.taxels, 2)) if offsets_v is None else offsets_v).tolist(),
+        "offset_v": behave,
+    }
+    build(config, "icarus", top="eskin_readout").test(MODULE, folder, "play", {JOB: json.dumps(job)})
+    with np.load(folder / RESULT) as found:
+        decisions, (t, y, x, p), strobes = found["decisions"], found["events"].T, found["strobes"]
+    stimulus = Stimulus.from_samples(config, np.zeros(signal.shape, np.int32))  # the model sees the decisions alone
+    expected = simulate(config, dataclasses.replace(stimulus, decisions=decisions))
+    polarity = p if config.has_polarity else np.ones_like(p)
+    return Loop(make_events(t, y, x, polarity), expected, strobes)

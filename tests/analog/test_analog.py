@@ -1,0 +1,83 @@
+"""Test the analog taxel: its models and netlists, and loops of transistors and Verilog."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eskin.analog import ngspice
+from eskin.analog.circuit import PINS, FrontEnd, Taxel
+from eskin.analog.decision import compare, decide
+from eskin.analog.loop import different, play
+from eskin.analog.models import NMOS, kit, models, sizes
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+
+try:
+    MISSING = ngspice.missing() or str(kit() and "")
+except InputError as error:
+    MISSING = str(error)
+needs_ngspice = pytest.mark.skipif(bool(MISSING), reason=MISSING)
+
+LCS = ReadoutConfig(rows=1, columns=1, sample_bits=8, resolution=6, frontend="analog", clocks_per_sample=16)
+TAXEL = Taxel(FrontEnd(), LCS)
+
+
+def test_a_netlist_says_which_models_it_needs() -> None:
+    assert sizes(f"Mx d g s b {NMOS} w=0.42u l=1.5e-07 as=1\n* M2 a b c d x w=1u l=1u") == {(NMOS, 420, 150)}
+
+
+@pytest.mark.skipif(bool(MISSING), reason=MISSING)
+def test_a_size_without_a_model_is_refused() -> None:
+    assert models("tt", {(NMOS, 420, 150)}).count(".model") == 1
+    with pytest.raises(InputError, match=r"no model .* for a transistor 0.01 um wide and 0.15 um long"):
+        models("tt", {(NMOS, 10, 150)})
+
+
+def test_a_comparator_needs_the_pins() -> None:
+    with pytest.raises(InputError, match=f"must have a line '.subckt comparator {' '.join(PINS)}'"):
+        FrontEnd(comparator=".subckt comparator a b\n.ends").circuit()
+
+
+def test_a_dac_has_the_bits_above_the_grid() -> None:
+    nlcs, cw = LCS.replace(encoding="nlcs"), LCS.replace(encoding="cw-lcs", sample_bits=10)
+    assert [Taxel(FrontEnd(), one).bits for one in (LCS, LCS.replace(sample_bits=12), nlcs, cw)] == [8, 8, 7, 10]
+    assert Taxel(FrontEnd(), nlcs).reference_bits(64) == [False] * 7  # the middle of the scale
+    assert TAXEL.reference_bits(-1) == [True] * 8
+    assert Taxel(FrontEnd(), cw).width_levels(4) == [False, False, True]
+
+
+@needs_ngspice
+def test_a_decision_from_the_charge_is_that_of_the_whole_taxel() -> None:
+    gain = 0.976
+    for reference, threshold, answer in ((5, 5 + 1, 1), (-3, -3 - 1, 2)):
+        for outside, expected in ((0.5, answer), (-0.5, 0)):
+            away = outside if answer == 1 else -outside
+            x_v = TAXEL.front_end.supply_v / 2 + (threshold * gain + away) * TAXEL.unit_v
+            whole = decide(TAXEL, x_v, reference, LCS.step, 1 / 1.28e6)
+            above, below = compare(TAXEL, x_v, reference, LCS.step, gain)
+            assert whole.code == expected == above + 2 * below
+            assert 0.1e-12 < whole.energy_j < 1e-12
+
+
+@needs_ngspice
+def test_transistors_and_verilog_give_the_events_of_the_model(tmp_path: Path) -> None:
+    signal = np.array([0.0, 2.4, 2.4, 0.7, -3.2, -0.5])[:, None]
+    found = play(LCS, FrontEnd(), signal, tmp_path)
+    assert len(found.events) > 6
+    assert found.different == 0
+    assert 6 + len(found.events) == found.strobes  # a decision a tick, and one after each event
+    behaved = play(LCS, FrontEnd(), signal, tmp_path, behave=0.0)
+    assert different(found.events, behaved.events) == 0
+
+
+def test_an_offset_moves_the_events(tmp_path: Path) -> None:
+    signal = np.full((4, 1), 1.4)
+    ideal, moved = (
+        play(LCS, FrontEnd(), signal, tmp_path, offsets_v=np.full((1, 2), volts), behave=0.0)
+        for volts in (0.0, 0.5 * TAXEL.unit_v)
+    )
+    assert len(ideal.events) == 1
+    assert len(moved.events) == 0
+    assert dataclasses.replace(ideal, expected=moved.events).different == 1
