@@ -14,6 +14,7 @@ from eskin.analog.circuit import FrontEnd, Taxel
 from eskin.analog.decision import FINE_S, decide, fine, waveform
 from eskin.analog.models import CORNERS
 from eskin.analog.ngspice import simulate
+from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 
 Data = dict[str, Any]
@@ -148,22 +149,27 @@ def kick_back(f: FrontEnd, input_v: float, capacitor_f: float) -> Data:
     }
 
 
+def input_pair(f: FrontEnd) -> list[list[str]]:
+    """Return the words of the two lines of the comparator whose gates are inp and inn."""
+    (body,) = re.findall(r"(?ims)^\.subckt comparator .*?^\.ends", f.cells)
+    words = [line.split() for line in body.splitlines() if line.strip().lower().startswith("m")]
+    found: list[list[str]] = [next((line for line in words if line[2].lower() == gate), []) for gate in ("inp", "inn")]
+    if not all(found):
+        raise InputError("the netlist needs a transistor whose gate is inp, and one whose gate is inn")
+    return found
+
+
 def transconductance(f: FrontEnd) -> float:
     """Return gm of an input transistor as it begins to discharge: drain at the supply, source at ground."""
-    device = next(line for line in f.cells.splitlines() if re.match(r"(?i)\s*M\S*\s+\S+\s+inp\s", line))
-    model = device.split(None, 5)[5]
-    lines = []
+    model, lines = " ".join(input_pair(f)[0][5:]), []
     for name, volts in (("a", f.supply_v / 2 - 1e-3), ("b", f.supply_v / 2 + 1e-3)):
-        lines += [
-            f"Vd{name} d{name} 0 {f.supply_v:g}",
-            f"Vg{name} g{name} 0 {volts:g}",
-            f"M{name} d{name} g{name} 0 0 {model}",
-        ]
+        lines += [f"Vd{name} d{name} 0 {f.supply_v:g}", f"Vg{name} g{name} 0 {volts:g}"]
+        lines.append(f"M{name} d{name} g{name} 0 0 {model}")
     found = simulate(f.circuit(*lines, ".tran 1n 10n"), ["a find i(vda) at=5n", "b find i(vdb) at=5n"])
     return (found["a"] - found["b"]) / 2e-3
 
 
-def noise(f: FrontEnd, inputs_v: tuple[float, ...] = (-0.4e-3, 0.0, 0.4e-3), copies: int = 60, seed: int = 1) -> Data:
+def noise(f: FrontEnd, inputs_v: tuple[float, ...] = (-0.4e-3, 0.0, 0.4e-3), copies: int = 60) -> Data:
     """Return the input-referred noise of a comparator: the shares of high answers, fitted by a Gaussian.
 
     White noise currents of 4 k T gamma gm flow through the two input transistors, with the gm of their first moment:
@@ -171,31 +177,28 @@ def noise(f: FrontEnd, inputs_v: tuple[float, ...] = (-0.4e-3, 0.0, 0.4e-3), cop
     """
     gm = transconductance(f)
     density = 4 * BOLTZMANN_J_PER_K * (273.15 + f.temperature_c) * GAMMA * gm
-    rms_a = math.sqrt(density / (2 * FINE_S))
+    white = f"dc 0 trnoise({math.sqrt(density / (2 * FINE_S)):.5g} {FINE_S:g} 0 0)"
+    names = [str(number) for number in range(copies)]
     shares = []
-    for place, volts in enumerate(inputs_v):
-        lines = [f".options seed={seed + place}", *clocked(f)]
-        for n in range(copies):
+    for seed, volts in enumerate(inputs_v, 1):
+        lines = [f".options seed={seed}", *clocked(f)]
+        for n in names:
             lines += comparator(n, supply_v=f.supply_v)
             lines += [f"Vp{n} p{n} 0 {f.supply_v / 2 + volts:.7g}", f"Vn{n} n{n} 0 {f.supply_v / 2:g}"]
-            lines += [
-                f"I{side}{n} xc{n}.{node} xc{n}.t dc 0 trnoise({rms_a:.5g} {FINE_S:g} 0 0)"
-                for side, node in (("a", "xn"), ("b", "xp"))
-            ]
+            for side, words in zip("pn", input_pair(f), strict=True):
+                lines.append(f"I{side}{n} xc{n}.{words[1]} xc{n}.{words[3]} {white}")
         end = FIRE_S + 4e-9
-        found = simulate(
-            f.circuit(*lines, f".tran 50p {1.01 * end:g}"), [f"o{n} find v(op{n}) at={end:g}" for n in range(copies)]
-        )
-        shares.append(float(np.mean([found[f"o{n}"] > f.supply_v / 2 for n in range(copies)])))
-    clipped = np.clip(shares, 0.5 / copies, 1 - 0.5 / copies)
-    slope, at_zero = np.polyfit(inputs_v, norm.ppf(clipped), 1)
+        measures = [f"o{n} find v(op{n}) at={end:g}" for n in names]
+        found = simulate(f.circuit(*lines, f".tran 50p {1.01 * end:g}"), measures)
+        shares.append(sum(found[f"o{n}"] > f.supply_v / 2 for n in names) / copies)
+    slope, at_zero = np.polyfit(inputs_v, norm.ppf(np.clip(shares, 0.5 / copies, 1 - 0.5 / copies)), 1)
     return {
         "gm_s": gm,
         "inputs_v": list(inputs_v),
         "high": shares,
         "decisions": copies,
-        "sigma_v": 1 / slope,
-        "offset_v": -at_zero / slope,
+        "sigma_v": 1 / float(slope),
+        "offset_v": -float(at_zero / slope),
     }
 
 

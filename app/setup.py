@@ -34,6 +34,7 @@ SIZES = {
     "snn": 65,
     "files": 205,
     "asic": 30,
+    "analog": 150,
     "board": 1,
     "fpga": 205,
     "fpga-small": 420,

