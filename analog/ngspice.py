@@ -1,5 +1,6 @@
 """Run the circuit simulator ngspice, a program of the system, on one netlist after the other."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -25,7 +26,9 @@ def simulate(netlist: str, measures: list[str]) -> dict[str, float]:
         file = Path(folder) / "circuit.sp"
         lines = [f".measure tran {line}" for line in measures]
         file.write_text("\n".join(["* " + file.name, netlist, *lines, ".end\n"]))
-        done = subprocess.run(["ngspice", "-n", "-b", file.name], cwd=folder, capture_output=True, text=True)
+        command, alone = ["ngspice", "-n", "-b", file.name], os.environ | {"OMP_NUM_THREADS": "1"}
+        # Several threads of one small circuit wait for each other most of the time, above all on a busy machine.
+        done = subprocess.run(command, cwd=folder, env=alone, capture_output=True, text=True)
     found = {name.lower(): float(value) for name, value in MEASURE.findall(done.stdout)}
     if not found:
         text = done.stdout + done.stderr

@@ -68,7 +68,12 @@ RUN = (
 PROGRAM = re.compile(r"(make|eskin|fusesoc|(\.venv/bin/)?python(?= -m | \S+\.py\b)) ")
 """Beginning of a command that a page prints."""
 
-OPTIONS = {"studies": {"--out", "--comparator"}, "docs": {"--again", "--check"}, "tests": set(), "pip": {"--no-deps", "-c"}}
+OPTIONS = {
+    "studies": {"--out", "--comparator"},
+    "docs": {"--again", "--check"},
+    "tests": set(),
+    "pip": {"--no-deps", "-c"},
+}
 """Options of programs that ``python -m`` runs, by their package."""
 
 
