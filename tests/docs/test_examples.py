@@ -10,6 +10,7 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
+from eskin.model.bus.axi_lite import ACCESS_CLOCKS
 from eskin.model.bus.axi_stream import AxiStream, Event
 from eskin.model.bus.config import BusConfig
 from eskin.model.config import ReadoutConfig
@@ -55,6 +56,7 @@ def test_the_program_for_pynq_uses_the_offsets_of_the_header_and_reads_every_eve
     config = BusConfig(
         readout=ReadoutConfig(registers="spi"), time_bits=int(command.split("--time-bits ")[1].split()[0])
     )
+    assert f"takes {ACCESS_CLOCKS} clocks" in page
     named = re.search(r"^(.*) = (.*)  # eskin_registers.h$", program, re.MULTILINE)
     assert named is not None
     used = dict(zip(named[1].split(", "), (int(word, 0) for word in named[2].split(", ")), strict=True))
