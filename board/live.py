@@ -252,7 +252,6 @@ class _Server(ThreadingHTTPServer):
 
 def serve(listener: socket.socket, updates: Connection) -> None:
     """Serve the page from the copies that come from the recording process, and end with that process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the recording, which then ends this process
     copy = Copy()
     server = _Server(listener.getsockname(), partial(_Handler, copy), bind_and_activate=False)
     server.socket.close()
@@ -295,7 +294,11 @@ def served(view: View, port: int, option: str = "--page") -> Iterator[int]:
     there, here = spawn.Pipe(duplex=False)
     process, ends = spawn.Process(target=serve, args=(listener, there), daemon=True), threading.Event()
     with listener, here:
-        process.start()
+        heard = signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the recording alone
+        try:
+            process.start()
+        finally:
+            signal.signal(signal.SIGINT, heard)
         there.close()
         publisher = threading.Thread(target=_publish, args=(view, here, ends), daemon=True)
         publisher.start()

@@ -6,6 +6,8 @@ import contextlib
 import json
 import os
 import re
+import subprocess
+import sys
 import threading
 import time
 import urllib.error
@@ -403,6 +405,24 @@ def test_no_number_of_clients_asks_the_recording_for_more_than_its_copies(monkey
         for _ in range(50):
             urllib.request.urlopen(f"http://127.0.0.1:{port}/state").close()
         assert len(asked) - before <= (time.monotonic() - begun) / COPY_S + 1
+
+
+def test_ctrl_c_reaches_the_recording_and_not_the_page() -> None:
+    program = """
+import os, signal, urllib.request
+from eskin.board.live import View, served
+from eskin.model.config import ReadoutConfig
+signal.signal(signal.SIGINT, signal.default_int_handler)
+if __name__ == "__main__":
+    with served(View(ReadoutConfig(), 1e6, 1.0), 0) as port:
+        try:
+            os.killpg(0, signal.SIGINT)
+        except KeyboardInterrupt:
+            print(len(urllib.request.urlopen(f"http://127.0.0.1:{port}/state", timeout=30).read()) > 100)
+"""
+    words = [sys.executable, "-c", program]
+    done = subprocess.run(words, capture_output=True, text=True, start_new_session=True, timeout=60)
+    assert (done.stdout, done.stderr) == ("True\n", "")
 
 
 def test_a_network_that_takes_no_datagram_is_counted_and_the_journal_is_first(tmp_path: Path) -> None:
