@@ -15,6 +15,11 @@ def test_a_log_gets_a_line_with_a_count_while_a_step_lasts(monkeypatch, capsys):
     assert "building: 0 s so far" in lines
 
 
+def test_a_display_ends_with_its_other_texts():
+    columns = progress.progress_of("first", "second", "third").columns
+    assert [getattr(column, "text_format", None) for column in columns] == ["first", *[None] * 3, "second", "third"]
+
+
 def test_a_finished_or_quick_step_says_nothing(monkeypatch, capsys):
     with progress.bar("quick", 2) as step:
         step()

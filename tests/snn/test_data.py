@@ -206,6 +206,7 @@ def test_bad_recordings_are_refused_in_one_sentence(tmp_path: Path) -> None:
     assert refused([good], BinConfig(bin_s=1.0)) == (
         "a lasts 0.01 s and contains no complete bin of 1 s in the time window; choose a shorter bin or another window"
     )
+    assert len(bin_recording(good, BinConfig(bin_s=good.duration_s))) == 1
     long = recording([1], [0], [True], clocks=MAX_COUNTS // 12 + 1)
     assert f"more than {MAX_COUNTS} counts; choose a longer bin" in refused([long], BinConfig(bin_s=1e-4))
     with pytest.raises(InputError, match="holds no event files"):
