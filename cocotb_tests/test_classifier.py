@@ -41,9 +41,19 @@ SYNAPTIC = [
 OWN = [
     network_of(5, 12, 3, 4, own_parameters=True, **FIRING),
     network_of(4, 9, 4, 2, own_parameters=True, neuron_reset="subtract", membrane_bits=11, reset="async"),
+    network_of(5, 9, 3, 4, own_parameters=True, neuron_reset="delayed", floor=-300, membrane_bits=11),
+    network_of(3, 7, 3, 2, neuron_reset="delayed", leak_shift=3, out_leak_shift=2, membrane_bits=11),
     network_of(6, 10, 3, 4, own_parameters=True, synapse_shift=3, readout="membrane", membrane_bits=14),
 ]
 """Neurons with a threshold and a leak of their own, with each kind of reset, and with a synaptic current."""
+STACKS = [
+    network_of(5, 13, 3, 4, layers=((0, 5, ()), (5, 13, (0,))), **FIRING),
+    network_of(4, 18, 2, 4, layers=((0, 6, (0,)), (6, 11, (0, 1)), (11, 18, (1, 2))), own_parameters=True, **FIRING),
+    network_of(
+        6, 11, 3, 8, layers=((0, 4, ()), (4, 11, (0, 1))), synapse_shift=3, readout="membrane", membrane_bits=14
+    ),
+]
+"""Groups that begin within a word of weights: feed-forward, three recurrent groups, and synaptic currents."""
 
 
 def name(config: ClassifierConfig) -> str:
@@ -51,8 +61,8 @@ def name(config: ClassifierConfig) -> str:
     return f"{config.inputs}-{config.hidden}-{config.classes}-{config.lanes}l-{config.reset}"
 
 
-@pytest.mark.representative("2-1-3", "16-33-4-16l", "6-8-7-8l", "4-9-4-2l")
-@pytest.mark.parametrize("config", CONFIGS + SYNAPTIC + OWN, ids=name)
+@pytest.mark.representative("2-1-3", "16-33-4-16l", "6-8-7-8l", "4-9-4-2l", "5-13-3-4l")
+@pytest.mark.parametrize("config", CONFIGS + SYNAPTIC + OWN + STACKS, ids=name)
 def test_rtl_equals_the_model_in_every_potential_class_and_clock(config: ClassifierConfig, tmp_path: Path) -> None:
     counts = cosimulate(config, "icarus", tmp_path, config.hidden)
     assert counts["events"] > 100

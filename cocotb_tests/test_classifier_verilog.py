@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from eskin.cocotb_tests.blocks.classifier import random_network
-from eskin.cocotb_tests.test_classifier import CONFIGS, OWN, SYNAPTIC, name
+from eskin.cocotb_tests.test_classifier import CONFIGS, OWN, STACKS, SYNAPTIC, name
 from eskin.cocotb_tests.test_verilog import delivered
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.file import IntegerWeights
@@ -19,7 +19,9 @@ TOP = "eskin_classifier"
 PAPERS = ClassifierConfig(floor=-256, out_floor=-256)
 
 
-@pytest.mark.parametrize("config", [CONFIGS[1], CONFIGS[5], CONFIGS[7], SYNAPTIC[0], OWN[1], PAPERS], ids=name)
+@pytest.mark.parametrize(
+    "config", [CONFIGS[1], CONFIGS[5], CONFIGS[7], SYNAPTIC[0], OWN[1], STACKS[0], PAPERS], ids=name
+)
 def test_files_are_clean_complete_and_agree(config: ClassifierConfig, tmp_path: Path) -> None:
     text, _, described = delivered(config, tmp_path)
     bits = {}

@@ -229,7 +229,7 @@ async def scans_begin_at_any_time(dut: Any) -> None:
 def spaced(network: IntegerNetwork, counts: NDArray[Any]) -> Stimulus:
     """Return a scan with given events, shape (bins, inputs), in bins of minimum length."""
     config, state = network.config, State(network)
-    clock, before = first_ready(config, -1), 0
+    clock, before = first_ready(config, -1), state.spikes[0]
     events, ends = [], []
     for row in counts:
         channels = np.repeat(np.arange(config.inputs), row).tolist()
@@ -238,7 +238,7 @@ def spaced(network: IntegerNetwork, counts: NDArray[Any]) -> Stimulus:
         ends.append(clock)
         state.add_counts(row[None])
         state.end_bin()
-        now = int(state.spikes.sum())
+        now = state.spikes[0]
         clock, before = clock + work_clocks(config, before, now) + 4, now
     return Stimulus(events, ends, clock)
 

@@ -26,7 +26,7 @@ class Neuron:
     floor: int | None  # what the potential is held above
     leak: tuple[int, int]  # shift and factor: the share factor / 2**shift is lost from bin to bin; shift 0: nothing
     synapse: tuple[int, int]  # the same of the current; shift 0: there is no current, weights go to the potential
-    subtract: bool  # the threshold is subtracted by a spike; else the potential becomes 0
+    reset: str  # by a spike: the potential becomes 0 (zero), or the threshold is subtracted before the leak (subtract)
     fires: bool = True  # False: a neuron whose potential is read, not its spikes
 
     def __post_init__(self) -> None:
@@ -46,9 +46,11 @@ class Neuron:
         value = value if self.floor is None else max(value, self.floor)
         fires = self.fires and value > self.threshold
         left = value
-        if fires:
-            left = value - self.threshold if self.subtract else 0
+        if fires and self.reset != "delayed":
+            left = value - self.threshold if self.reset == "subtract" else 0
         self.potential = after(left, *self.leak)
+        if fires and self.reset == "delayed":  # the threshold is subtracted after the leak
+            self.potential -= self.threshold
         remains = after(self.gathered, *self.synapse) if self.synapse[0] else self.potential
         self.gathered = limited(remains + self.bias, self.bits)
         return value, fires
@@ -65,6 +67,7 @@ class Network:
     hidden: list[Neuron]
     outputs: list[Neuron]
     evidence_bits: int  # of the evidence, which stops at their ends
+    groups: Sequence[int]  # number of the group of each hidden neuron; the outputs read the last group
 
     def __post_init__(self) -> None:
         self.restart()
@@ -75,6 +78,14 @@ class Network:
             neuron.restart()
         self.fired: list[int] = []
         self.evidence = [0] * len(self.outputs)
+        self.bins = 0
+
+    def end_bin(self, neuron: Neuron, group: int) -> tuple[int, bool]:
+        """End the bin of a neuron; before the first bin has come through the groups before it, it starts again."""
+        if self.bins >= group:
+            return neuron.end_bin()
+        neuron.restart()
+        return 0, False
 
     def run_bin(self, channels: Sequence[int]) -> tuple[int, list[int], list[int], list[int], list[int]]:
         """Process one bin with its events in order.
@@ -87,12 +98,13 @@ class Network:
         for source in self.fired:
             for n, neuron in enumerate(self.hidden):
                 neuron.add(self.w_rec[source][n])
-        ends = [neuron.end_bin() for neuron in self.hidden]
+        ends = [self.end_bin(neuron, group) for neuron, group in zip(self.hidden, self.groups, strict=True)]
         self.fired = [n for n, (_, fires) in enumerate(ends) if fires]
         for source in self.fired:
             for c, neuron in enumerate(self.outputs):
                 neuron.add(self.w_out[source][c])
-        out_ends = [neuron.end_bin() for neuron in self.outputs]
+        out_ends = [self.end_bin(neuron, max(self.groups)) for neuron in self.outputs]
+        self.bins += 1
         for c, (potential, fires) in enumerate(out_ends):
             gain = int(fires) if self.outputs[c].fires else potential
             self.evidence[c] = limited(self.evidence[c] + gain, self.evidence_bits)

@@ -83,7 +83,7 @@ def _energies(
     """
     logic, memories = read(f"docs/data/asic/classifier-{cells}.json"), read("docs/data/asic/memories-ihp.json")
     readout, mean = read(f"docs/data/asic/{encoder}-digital-8x8-{cells}.json"), spikes / bins
-    work = bins * work_clocks(config, mean, mean)  # type: ignore[arg-type]  # linear in both
+    work = bins * work_clocks(config, mean / config.hidden, mean / config.hidden)  # linear in both
     reads = {"inputs": events * config.groups, "recurrent": spikes * config.groups}
     reads["neurons"] = bins * (config.hidden + config.classes) + spikes * config.classes
     energy = {name: count * memories[name]["read_j"] for name, count in reads.items()}

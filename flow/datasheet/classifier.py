@@ -73,7 +73,7 @@ def _memories(config: ClassifierConfig) -> list[tuple[str, str, str, str]]:
 def _times(config: ClassifierConfig, run: ClassifierRun) -> list[tuple[str, int]]:
     """Return the latencies in clocks."""
     work = run.latencies[0] - work_clocks(config, 0, 0)  # beside the work, of which the rest is
-    most = work_clocks(config, config.hidden, config.hidden)
+    most = work_clocks(config, 1, 1)
     return [
         ("end of reset to `event_ready`", first_ready(config, -1)),
         ("`scan_start` to `event_ready`", first_ready(config, 0)),

@@ -22,7 +22,7 @@ from eskin.flow.power.opensta_power import OpenstaPower
 from eskin.model.classifier.chip import channels_of, simulate_chip
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
-from eskin.model.classifier.file import neuron_image, parameter_image, row_image
+from eskin.model.classifier.file import neuron_image, parameter_image, recurrent_image, row_image
 from eskin.model.classifier.network import IntegerNetwork
 from eskin.model.classifier.run import ClassifierRun, first_ready, simulate
 from eskin.rtl import yosys
@@ -45,7 +45,7 @@ MEMORIES: dict[
     tuple[type[InputMemory | RecurrentMemory | NeuronMemory | ParameterMemory], Callable[[IntegerNetwork], list[int]]],
 ] = {
     "inputs": (InputMemory, lambda n: row_image(n.config, n.w_in, n.config.in_bits, n.config.input_words)),
-    "recurrent": (RecurrentMemory, lambda n: row_image(n.config, n.w_rec, n.config.rec_bits, n.config.recurrent_words)),
+    "recurrent": (RecurrentMemory, lambda n: recurrent_image(n, n.config.rec_bits)),
     "neurons": (NeuronMemory, neuron_image),
     "parameters": (ParameterMemory, parameter_image),
 }

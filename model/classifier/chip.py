@@ -28,7 +28,7 @@ def clocks_of(config: ChipConfig, ticks: int) -> tuple[int, int]:
     """
     classifier = config.classifier
     bins = ticks * config.readout.clocks_per_sample // classifier.clocks_per_bin
-    work = work_clocks(classifier, classifier.hidden, classifier.hidden) + classifier.groups + 8
+    work = work_clocks(classifier, 1, 1) + classifier.groups + 8
     return bins, bins * classifier.clocks_per_bin + min(work, classifier.clocks_per_bin - 1)
 
 

@@ -21,7 +21,7 @@ def with_room(readout: ReadoutConfig, classifier: ClassifierConfig) -> ReadoutCo
     That is an event of every channel, and a spike of every hidden neuron in the bin and in the one before. The clocks
     are doubled until they suffice, so samples and events stay in their bins.
     """
-    needed = work_clocks(classifier, classifier.hidden, classifier.hidden) + classifier.groups * classifier.inputs
+    needed = work_clocks(classifier, 1, 1) + classifier.groups * classifier.inputs
     while round(classifier.bin_s * readout.clock_hz) < needed:
         readout = readout.replace(clocks_per_sample=2 * readout.clocks_per_sample)
     return readout

@@ -9,7 +9,7 @@ from eskin.base.configuration import Configuration, parameter
 from eskin.base.errors import InputError
 from eskin.model.config import Reset
 
-NeuronReset = Literal["zero", "subtract"]
+NeuronReset = Literal["zero", "subtract", "delayed"]
 OutputMode = Literal["spikes", "membrane"]
 
 MAX_INPUTS = 2 * 64 * 64
@@ -27,6 +27,23 @@ HEADROOM = 32
 class of 24 networks changed (docs/results/classifier.md#in-whole-numbers)."""
 
 CLASSIFIER = "docs/reference/classifier.md"
+
+
+class Group(NamedTuple):
+    """Consecutive hidden neurons with equal connections, such as a layer of a stack."""
+
+    start: int
+    end: int
+    """First neuron, and the neuron behind the last."""
+    reads: tuple[int, ...]
+    """Numbers of the groups whose spikes it gets, one bin later."""
+
+
+class Span(NamedTuple):
+    """Words of potentials: the first of them, and how many there are."""
+
+    first: int
+    words: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +70,9 @@ class ClassifierConfig(Configuration):
         128, "", CLASSIFIER, "channels: number of taxels, or twice as many with separate ON and OFF"
     )
     hidden: int = parameter(256, "", CLASSIFIER, "recurrent neurons")
+    layers: tuple[Group, ...] = parameter(
+        (), "", CLASSIFIER, "groups of neurons: start, end, groups that it reads [one group that reads itself]"
+    )
     classes: int = parameter(6, "", CLASSIFIER, "output neurons")
     lanes: int = parameter(16, "", CLASSIFIER, "weights added in one clock, a power of two")
     clocks_per_bin: int = parameter(200_000, "", CLASSIFIER, "largest number of clocks in a time bin")
@@ -72,7 +92,11 @@ class ClassifierConfig(Configuration):
     threshold: int = parameter(256, "", CLASSIFIER, "threshold of the hidden neurons")
     floor: int | None = parameter(None, "", CLASSIFIER, "lower limit of a hidden potential [no floor]")
     neuron_reset: NeuronReset = parameter(
-        "zero", "", CLASSIFIER, "a spike sets the potential to zero, or subtracts the threshold: zero, subtract"
+        "zero",
+        "",
+        CLASSIFIER,
+        "a spike sets the potential to zero, or subtracts the threshold before or after the leak: "
+        "zero, subtract, delayed",
     )
     leak_shift: int = parameter(0, "", CLASSIFIER, "leak per bin: v - (v * factor >> shift); 0: no leak")
     leak_factor: int = parameter(1, "", CLASSIFIER, "factor of the leak, up to 2**shift")
@@ -101,7 +125,8 @@ class ClassifierConfig(Configuration):
     reset: Reset = parameter("sync", "", CLASSIFIER, "reset style of the flops")
 
     def __post_init__(self) -> None:
-        self._check_types()
+        self._check_types(but=("layers",))
+        object.__setattr__(self, "layers", self._groups_of(self.layers))
         ranges = {"inputs": (1, MAX_INPUTS), "hidden": (1, MAX_HIDDEN), "classes": (1, MAX_CLASSES)}
         ranges |= {"lanes": (1, 64), "clocks_per_bin": (1, 2**30), "bias_bits": (2, 16)}
         ranges |= dict.fromkeys(("in_bits", "rec_bits", "out_bits"), (2, 8))
@@ -113,6 +138,8 @@ class ClassifierConfig(Configuration):
             factor, most = getattr(self, f"{name}_factor"), 2 ** getattr(self, f"{name}_shift")
             if not 1 <= factor <= most:
                 raise InputError(f"{name}_factor must be in 1..{most} (2**{name}_shift), not {factor}")
+        if self.neuron_reset == "delayed" and (self.synapse_shift or self.out_synapse_shift):
+            raise InputError("a delayed reset needs neurons without a synaptic current")
         for name in ("leak", "out_leak") if self.own_parameters else ():
             shift, factor = getattr(self, f"{name}_shift"), getattr(self, f"{name}_factor")
             if shift > MAX_OWN_SHIFT or factor > 1:
@@ -135,12 +162,67 @@ class ClassifierConfig(Configuration):
             if getattr(self, floor) is not None and not -most - 1 <= getattr(self, floor) <= 0:
                 raise InputError(f"{floor} must be in {-most - 1}..0 or none, not {getattr(self, floor)}")
 
+    def _groups_of(self, given: Any) -> tuple[Group, ...]:
+        """Return checked groups, or none for one group that reads itself."""
+        try:
+            found = tuple(Group(int(start), int(end), tuple(map(int, reads))) for start, end, reads in given)
+        except (TypeError, ValueError):
+            raise InputError(f"layers must list start, end and groups read of each group, not {given!r}") from None
+        at = 0
+        for number, group in enumerate(found):
+            if group.start != at or group.end <= at:
+                raise InputError(f"group {number} must start at {at} and end behind it, not at {group[:2]}")
+            at = group.end
+            if list(group.reads) != sorted(set(group.reads) & set(range(len(found)))):
+                raise InputError(f"group {number} must read groups of 0..{len(found) - 1}, rising, not {group.reads}")
+            if number and number - 1 not in group.reads:
+                raise InputError(f"group {number} must read group {number - 1}, not only {group.reads}")
+        if found and at != self.hidden:
+            raise InputError(f"the groups end at {at}, but the network has {self.hidden} hidden neurons")
+        if len(found) == 1 and not found[0].reads:
+            raise InputError("a network of one group reads itself; leave its layers out")
+        for number in range(len(found)):
+            readers = [other for other, group in enumerate(found) if number in group.reads]
+            if readers and len(readers) <= readers[-1] - readers[0]:
+                raise InputError(f"the groups that read group {number} must be neighbours, not {readers}")
+        return found if len(found) > 1 else ()
+
     # -- derived numbers -------------------------------------------------------------------------
 
     @property
+    def stack(self) -> tuple[Group, ...]:
+        """All groups of hidden neurons; the first gets the events, and the outputs read the last."""
+        return self.layers or (Group(0, self.hidden, (0,)),)
+
+    @property
+    def delay_bins(self) -> int:
+        """Bins from the end of a bin to the class that counts its events."""
+        return len(self.stack) - 1
+
+    @property
+    def spans(self) -> tuple[Span, ...]:
+        """Words of potentials that a spike of each group changes."""
+        found = []
+        for number in range(len(self.stack)):
+            readers = [group for group in self.stack if number in group.reads]
+            first = readers[0].start // self.lanes if readers else 0
+            found.append(Span(first, -(-readers[-1].end // self.lanes) - first if readers else 0))
+        return tuple(found)
+
+    @property
     def groups(self) -> int:
-        """Memory words per row of weights, equal to the clocks per event."""
+        """Memory words per row of input weights, equal to the clocks per event."""
+        return -(-self.stack[0].end // self.lanes)
+
+    @property
+    def lane_words(self) -> int:
+        """Potentials in each lane."""
         return -(-self.hidden // self.lanes)
+
+    @property
+    def lane_bits(self) -> int:
+        """Bits of the number of a potential in a lane."""
+        return (self.lane_words - 1).bit_length()
 
     @property
     def weight_bits(self) -> int:
@@ -149,12 +231,16 @@ class ClassifierConfig(Configuration):
 
     @property
     def row_bits(self) -> int:
-        """Bits of the word address within a row."""
+        """Bits of the word address within a row of input weights."""
         return (self.groups - 1).bit_length()
 
     @property
     def recurrent_words(self) -> int:
-        """Words of the recurrent weights: a power of two for each hidden neuron."""
+        """Words of the recurrent weights: a power of two for each hidden neuron; in a stack as many as it changes."""
+        if self.layers:
+            return sum(
+                (group.end - group.start) * span.words for group, span in zip(self.stack, self.spans, strict=True)
+            )
         return self.hidden << self.row_bits
 
     @property
@@ -212,7 +298,7 @@ class ClassifierConfig(Configuration):
     def additions(self, events: float, spikes: float, bins: float) -> float:
         """Return the number of additions of weights and biases for a number of events, hidden spikes and bins."""
         neurons = self.hidden + self.classes
-        return events * self.hidden + (spikes + bins) * neurons
+        return events * self.stack[0].end + (spikes + bins) * neurons
 
     @property
     def channel_bits(self) -> int:
@@ -257,7 +343,7 @@ class ClassifierConfig(Configuration):
         if not self.own_parameters:
             return ends(low, high, threshold, shift)
         # Without leak, and with a threshold lower than a bin adds, a reset by subtraction does not limit a potential.
-        return None if self.neuron_reset == "subtract" else ends(low, high, largest_threshold(threshold), 0)
+        return None if self.neuron_reset != "zero" else ends(low, high, largest_threshold(threshold), 0)
 
     def hidden_ends(self, low: int, high: int, threshold: int, shift: int) -> tuple[int, int] | None:
         """Return the common range of potential and current of a hidden neuron.
@@ -301,7 +387,8 @@ class ClassifierConfig(Configuration):
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as a dictionary; without those of ``OPTIONAL`` at their defaults."""
-        fields = super().to_dict()
+        layers = [[start, end, list(reads)] for start, end, reads in self.layers]
+        fields = super().to_dict() | {"layers": layers or ()}
         return {name: value for name, value in fields.items() if name not in OPTIONAL or value != OPTIONAL[name]}
 
 
@@ -310,7 +397,7 @@ SHIFTS = ("in_shift", "rec_shift", "bias_shift", "out_shift", "out_bias_shift", 
 
 
 OPTIONAL: dict[str, Any] = {f"{name}_factor": 1 for name in LEAKS}
-OPTIONAL |= {"synapse_shift": 0, "out_synapse_shift": 0, "own_parameters": False}
+OPTIONAL |= {"synapse_shift": 0, "out_synapse_shift": 0, "own_parameters": False, "layers": ()}
 """Fields with their defaults; a file contains a field only if its value is not the default."""
 
 
@@ -369,8 +456,8 @@ def ends(
 
     ``x - (x * n >> k)`` rises with x, and with A = high its value at X = (((A + 1) << k) - 1) // n is at most X - A.
     So a potential of at most X remains at most X in the next bin. The lower limit follows in the same way with
-    X = (low << k) // n. A reset to zero leaves at most the threshold, and so does a reset by subtraction if a bin adds
-    at most the threshold.
+    X = (low << k) // n. A reset to zero leaves at most the threshold, and so does a reset by subtraction, before or
+    after the leak, if a bin adds at most the threshold.
 
     A bin adds at least ``low`` (at most 0) and at most ``high`` (at least 0). A neuron that does not fire has the
     threshold None.
@@ -379,6 +466,8 @@ def ends(
         least: int | None = floor + low
     else:
         least = (low << leak.shift) // leak.factor if leak.shift or low == 0 else None
+    if reset == "delayed" and threshold is not None and least is not None and leak.shift:
+        least = min(least, low - threshold)  # a potential just above the threshold leaks below it
     if threshold is not None and (reset == "zero" or high <= threshold):
         most: int | None = threshold + high
     else:

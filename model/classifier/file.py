@@ -96,14 +96,32 @@ def weight_image(network: IntegerNetwork) -> list[int]:
     from ``g * lanes`` on, the first in the least significant bits.
     """
     config = network.config
-    rows = np.concatenate([network.w_rec, network.w_in])
-    return row_image(config, rows, config.weight_bits, config.weight_words)
+    rows = row_image(config, network.w_in, config.weight_bits, config.input_words)
+    return recurrent_image(network, config.weight_bits) + rows
+
+
+def recurrent_image(network: IntegerNetwork, bits: int) -> list[int]:
+    """Return the words of the recurrent weights, with ``bits`` for each weight.
+
+    In a stack, the row of a neuron has the words with neurons that read its group, and follows the row before.
+    """
+    config = network.config
+    if not config.layers:
+        return row_image(config, network.w_rec, bits, config.recurrent_words)
+    full = np.zeros((config.hidden, config.lanes * config.lane_words), np.int64)
+    full[:, : config.hidden] = network.w_rec
+    words = full.reshape(config.hidden, config.lane_words, config.lanes)
+    return [
+        _packed(weights, bits)
+        for group, (first, count) in zip(config.stack, config.spans, strict=True)
+        for weights in words[group.start : group.end, first : first + count].reshape(-1, config.lanes).tolist()
+    ]
 
 
 def row_image(config: ClassifierConfig, rows: NDArray[Any], bits: int, words: int) -> list[int]:
     """Return the ``words`` words of a memory of weights, shape (rows, hidden), with ``bits`` for each weight."""
     full = np.zeros((words >> config.row_bits, config.lanes << config.row_bits), np.int64)
-    full[: len(rows), : config.hidden] = rows
+    full[: len(rows), : config.stack[0].end] = rows[:, : config.stack[0].end]
     return [_packed(weights, bits) for weights in full.reshape(words, config.lanes).tolist()]
 
 
@@ -137,7 +155,14 @@ def parameter_image(network: IntegerNetwork) -> list[int]:
 def network_of(config: ClassifierConfig, weights: Sequence[int], neurons: Sequence[int]) -> IntegerNetwork:
     """Return the network stored in two memory images."""
     rows = np.array([_unpacked(word, config.weight_bits, config.lanes) for word in weights])
-    rows = rows.reshape(config.hidden + config.inputs, -1)[:, : config.hidden]
+    recurrent, inputs = np.split(rows, [config.recurrent_words])
+    w_in = _placed(config, inputs.reshape(config.inputs, -1), 0)
+    parts = []
+    for group, (first, count) in zip(config.stack, config.spans, strict=True):
+        words, recurrent = np.split(
+            recurrent, [(group.end - group.start) * (count if config.layers else 1 << config.row_bits)]
+        )
+        parts.append(_placed(config, words.reshape(group.end - group.start, -1), first * config.lanes))
     bits, shape = config.neuron_weight_bits, (-1, 1 << config.neuron_row_bits)
     table = np.array([_unpacked(word, bits, 1) for word in neurons]).reshape(shape)
     hidden, classes = config.hidden, config.classes
@@ -149,13 +174,20 @@ def network_of(config: ClassifierConfig, weights: Sequence[int], neurons: Sequen
         own |= {"out_threshold": thresholds[:classes, classes + 1], "out_leak": shifts[:classes, classes + 1]}
     return IntegerNetwork(
         config,
-        w_in=rows[hidden:],
-        w_rec=rows[:hidden],
+        w_in=w_in,
+        w_rec=np.concatenate(parts),
         w_out=table[:hidden, :classes],
         b_hidden=table[:hidden, classes],
         b_out=table[:classes, classes + 1],
         **own,
     )
+
+
+def _placed(config: ClassifierConfig, rows: NDArray[Any], first: int) -> NDArray[Any]:
+    """Return rows of weights to all hidden neurons, whose first weight goes to a neuron."""
+    full = np.zeros((len(rows), max(config.hidden, first + rows.shape[1])), np.int64)
+    full[:, first : first + rows.shape[1]] = rows
+    return full[:, : config.hidden]
 
 
 def write_images(network: IntegerNetwork, folder: Path, name: str) -> list[Path]:

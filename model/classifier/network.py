@@ -53,6 +53,23 @@ def _arrays(config: ClassifierConfig) -> dict[str, tuple[tuple[int, ...], int]]:
     }
 
 
+def _connected(config: ClassifierConfig) -> dict[str, NDArray[np.bool_]]:
+    """Return for every matrix of a network which of its weights exist."""
+    stack, neuron = config.stack, np.arange(config.hidden)
+    group = group_of(config)
+    reads = np.array([[source in reader.reads for reader in stack] for source in range(len(stack))])
+    return {
+        "w_in": np.broadcast_to(group == 0, (config.inputs, config.hidden)),
+        "w_rec": reads[group][:, group],
+        "w_out": np.broadcast_to(neuron[:, None] >= stack[-1].start, (config.hidden, config.classes)),
+    }
+
+
+def group_of(config: ClassifierConfig) -> Whole:
+    """Return the number of the group of every hidden neuron."""
+    return np.repeat(np.arange(len(config.stack)), [group.end - group.start for group in config.stack])
+
+
 def _parameters(config: ClassifierConfig) -> dict[str, tuple[int, int, int, int]]:
     """Return the size, the common value, the least and the largest value of every array of neuron parameters."""
     hidden, classes = config.hidden, config.classes
@@ -94,6 +111,9 @@ class IntegerNetwork:
             if getattr(self, name) is COMMON:
                 object.__setattr__(self, name, np.full(size, common))
             self._check(name, (size,), least, most, "" if self.config.own_parameters else " without own parameters")
+        for name, connected in _connected(self.config).items() if self.config.layers else ():
+            if getattr(self, name)[~connected].any():
+                raise InputError(f"{name} has a weight between groups that are not connected")
 
     def _check(self, name: str, shape: tuple[int, ...], least: int, most: int, why: str) -> None:
         """Check an array and store it as 64-bit integers."""
@@ -111,6 +131,7 @@ class IntegerNetwork:
     def filled(cls, config: ClassifierConfig, fill: Callable[..., Whole]) -> IntegerNetwork:
         """Return a network whose arrays are made by a function of bit width and shape."""
         arrays = {name: fill(bits, *shape) for name, (shape, bits) in _arrays(config).items()}
+        arrays |= {name: arrays[name] * connected for name, connected in _connected(config).items()}
         for name, (size, _, least, most) in _parameters(config).items() if config.own_parameters else ():
             arrays[name] = np.clip(np.abs(fill(most.bit_length() + 1, size)), least, most)
         return cls(config, **arrays)
@@ -154,15 +175,19 @@ class IntegerNetwork:
         return dataclasses.replace(self, config=self.config.replace(**changes))
 
     def run_counts(self, counts: NDArray[Any]) -> tuple[Whole, float]:
-        """Return the evidence after the last bin of several scans, and the mean spikes per bin and neuron.
+        """Return the evidence of all bins of several scans, and the mean spikes per bin and neuron.
 
-        Events of a bin count in rising order of their channel. The order only matters if a potential saturates.
+        A stack computes ``delay_bins`` more bins without events, until its outputs have counted the last bin. Events of
+        a bin count in rising order of their channel. The order only matters if a potential saturates.
+
         ``counts`` has the shape (scans, bins, inputs), the evidence (scans, classes).
         """
         if counts.ndim != 3 or counts.shape[2] != self.config.inputs:
             raise InputError(
                 f"the network has {self.config.inputs} input channels, but the scans have {counts.shape[-1]}"
             )
+        later = np.zeros((len(counts), self.config.delay_bins, counts.shape[2]), counts.dtype)
+        counts = np.concatenate([counts, later], 1)
         state = State(self, len(counts))
         fired = 0
         for number in range(counts.shape[1]):
@@ -182,6 +207,9 @@ class State:
     ``v``, shape (scans, hidden), are potentials or synaptic currents; with a current, ``rest`` are the potentials after
     the previous bin, leaked. ``spikes`` are those of the previous bin. ``output`` and ``output_rest``, shape (scans,
     classes), are like v and rest, and ``evidence`` has their shape.
+
+    In a stack, group k rests for k bins, and the outputs for ``delay_bins``: until the first bin has come through the
+    groups before them.
     """
 
     def __init__(self, network: IntegerNetwork, scans: int = 1) -> None:
@@ -196,6 +224,7 @@ class State:
         self.spikes, self.rest = np.zeros_like(self.v), np.zeros_like(self.v)
         self.output = _sum(np.zeros((scans, config.classes), np.int64), self._out_bias, config.output_bits)
         self.evidence, self.output_rest = np.zeros_like(self.output), np.zeros_like(self.output)
+        self._group, self._ended = group_of(config), 0
 
     def add_events(self, channels: Sequence[int]) -> None:
         """Add the input weights of each event of one scan to ``v``, in the order of the events."""
@@ -220,21 +249,26 @@ class State:
         config, network = self.config, self.network
         bits, out_bits, evidence_bits = config.membrane_bits, config.output_bits, config.evidence_bits
         synapse = Leak(config.synapse_shift, config.synapse_factor)
-        v = _add(self.v, self.spikes, self._rec, bits)
+        v = np.where(self._group > self._ended, 0, _add(self.v, self.spikes, self._rec, bits))
         potential = _sum(self.rest, v, bits) if synapse.shift else v
-        potential, self.spikes, rest = _fire(potential, network.threshold, config.floor, config.neuron_reset)
-        self.rest = _leak(rest, network.leak, config.leak_factor)
+        potential, self.spikes = _fire(potential, network.threshold, config.floor)
+        leak = network.leak, config.leak_factor
+        self.rest = _rest(potential, self.spikes, network.threshold, config.neuron_reset, *leak)
         self.v = _sum(_leak(v, *synapse) if synapse.shift else self.rest, self._bias, bits)
 
         synapse = Leak(config.out_synapse_shift, config.out_synapse_factor)
         v = _add(self.output, self.spikes, self._out, out_bits)
+        if self._ended < config.delay_bins:
+            v = np.zeros_like(v)
+        self._ended += 1
         output = _sum(self.output_rest, v, out_bits) if synapse.shift else v
         if config.readout == "spikes":
-            output, fired, rest = _fire(output, network.out_threshold, config.out_floor, config.neuron_reset)
+            output, fired = _fire(output, network.out_threshold, config.out_floor)
             gained = fired
         else:
-            fired, rest, gained = np.zeros_like(output), output, output
-        self.output_rest = _leak(rest, network.out_leak, config.out_leak_factor)
+            fired, gained = np.zeros_like(output), output
+        leak = network.out_leak, config.out_leak_factor
+        self.output_rest = _rest(output, fired, network.out_threshold, config.neuron_reset, *leak)
         self.output = _sum(_leak(v, *synapse) if synapse.shift else self.output_rest, self._out_bias, out_bits)
         self.evidence = _sum(self.evidence, gained, evidence_bits)
         return potential, self.spikes, output, fired
@@ -262,12 +296,18 @@ def _add(v: Whole, counts: NDArray[Any], weights: Whole, bits: int) -> Whole:
     return v
 
 
-def _fire(v: Whole, threshold: Whole, floor: int | None, reset: str) -> tuple[Whole, Whole, Whole]:
-    """Return the clipped potentials, the spikes (0 or 1), and the potentials after reset."""
+def _fire(v: Whole, threshold: Whole, floor: int | None) -> tuple[Whole, Whole]:
+    """Return the clipped potentials, and the spikes (0 or 1)."""
     if floor is not None:
         v = np.maximum(v, floor)
-    fired = (v > threshold).astype(np.int64)
-    return v, fired, v - fired * threshold if reset == "subtract" else v * (1 - fired)
+    return v, (v > threshold).astype(np.int64)
+
+
+def _rest(v: Whole, fired: Whole, threshold: Whole, reset: str, shift: Whole, factor: int) -> Whole:
+    """Return potentials after reset and leak."""
+    if reset == "delayed":
+        return _leak(v, shift, factor) - fired * threshold
+    return _leak(v - fired * threshold if reset == "subtract" else v * (1 - fired), shift, factor)
 
 
 def _leak(v: Whole, shift: Whole | int, factor: int) -> Whole:

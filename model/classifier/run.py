@@ -5,6 +5,9 @@ Clocks are counted from the end of reset or, after a ``scan_start``, from any cl
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
 
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.network import Bin, IntegerNetwork, State
@@ -33,10 +36,18 @@ def first_ready(config: ClassifierConfig, start: int) -> int:
     return start + config.hidden + config.classes + 3
 
 
-def work_clocks(config: ClassifierConfig, before: int, now: int) -> int:
-    """Return the clocks of work at the end of a bin, for the hidden spikes of the previous and of the ending bin."""
-    recurrent = config.hidden + before * (config.groups - 1)
-    outputs = config.hidden + now * (config.classes - 1)
+def work_clocks(config: ClassifierConfig, before: Any, now: Any) -> Any:
+    """Return the clocks of work at the end of a bin.
+
+    ``before`` and ``now`` are the spikes of each hidden neuron in the previous and the ending bin, shape (hidden,): 0,
+    1 or a mean; or one number for all neurons.
+    """
+    sizes = [group.end - group.start for group in config.stack]
+    words = np.repeat([max(span.words - 1, 0) for span in config.spans], sizes)
+    read = np.arange(config.hidden) >= config.stack[-1].start
+    before, now = np.broadcast_to(before, config.hidden), np.broadcast_to(now, config.hidden)
+    recurrent = config.hidden + (before * words).sum().item()
+    outputs = config.hidden + (now * read).sum().item() * (config.classes - 1)
     return recurrent + config.hidden + 2 + outputs + config.classes
 
 
@@ -79,9 +90,9 @@ def simulate(
         first = max(end + 1, free) + 1  # clock in which the work begins
         lost = [late for late in pending if late < first - 1]
         pending = pending[len(lost) :]
-        before = int(state.spikes.sum())
+        before = state.spikes[0]
         result = state.end_single_bin()
-        last = first - 1 + work_clocks(config, before, int(result.spikes.sum()))
+        last = first - 1 + work_clocks(config, before, result.spikes)
         waiting = [late for late in pending if late <= last]
         pending = waiting[:1] + pending[len(waiting) :]
         run.overruns += lost + waiting

@@ -92,7 +92,8 @@ class Classifier(Block[ClassifierConfig]):
         self.pending = Signal()
         self.working = Signal()
         self.index = Signal(range(max(config.hidden, config.inputs, config.classes, 2)))
-        self.step = Signal(range(max(config.groups, config.classes, 2)))
+        self.step = Signal(range(max(config.lane_words, config.classes, 2)))
+        self.fires = Signal()
         self.spikes = Signal(config.hidden)
         # One clock later:
         self.now_adds, self.now_recurrent = Signal(), Signal()
@@ -104,10 +105,15 @@ class Classifier(Block[ClassifierConfig]):
         self.held_bias = Signal(signed(config.bias_bits))
         self.next_potential = Signal(signed(config.membrane_bits))
         self.now_index = Signal(range(max(config.hidden, config.classes, 2)))
-        self.now_step = Signal(range(max(config.groups, 2)))
+        self.now_step = Signal(range(max(config.lane_words, 2)))
         self.class_found, self.class_ready = Signal(config.class_bits), Signal()
         self.ring = Signal(config.classes * config.output_bits)
         self.evidence_ring = Signal(config.classes * config.evidence_bits)
+        if config.layers:
+            self.group = Signal(range(len(config.layers)))
+            self.ended = Signal(range(len(config.layers)))
+            self.row = Signal(address_bits(config.recurrent_words))
+            self.now_waits = Signal()
         if config.own_parameters:
             self.held_threshold = Signal(config.threshold_bits)
             self.held_leak = Signal(OWN_SHIFT_BITS)
@@ -138,16 +144,17 @@ class Classifier(Block[ClassifierConfig]):
         word = Mux(self.state == State.NEURONS, config.classes, self.step)
         word = Mux(self.state == State.OUTPUTS, config.classes + 1, word)
         row = Cat(self.step[: config.row_bits], self.index)
+        self._fires(m)
         m.d.comb += [
             inputs.read_address.eq(row[: len(inputs.read_address)]),
-            recurrent.read_address.eq(row[: len(recurrent.read_address)]),
+            recurrent.read_address.eq(self.row if config.layers else row[: len(recurrent.read_address)]),
             neurons.read_address.eq(Cat(word[: config.neuron_row_bits], self.index)),
             inputs.read_valid.eq(self.state == State.EVENT),
-            recurrent.read_valid.eq((self.state == State.RECURRENT) & self.spikes[0]),
+            recurrent.read_valid.eq((self.state == State.RECURRENT) & self.fires),
             neurons.read_valid.eq(
                 (self.state == State.NEURONS)
                 | (self.state == State.OUTPUTS)
-                | ((self.state == State.SPIKES) & self.spikes[0])
+                | ((self.state == State.SPIKES) & self.fires)
             ),
         ]
         self._awake(m)
@@ -182,6 +189,45 @@ class Classifier(Block[ClassifierConfig]):
             m.d.sync += [self.held_threshold.eq(read[:bits]), self.held_leak.eq(read[bits:])]
         return read[bits:]
 
+    def _fires(self, m: Module) -> None:
+        """Define whether a neuron fired whose spike adds weights; in a stack, find group, row and begin of each neuron.
+
+        The outputs read the last group alone, which other groups need not read. The rows of a stack follow each other,
+        so that a counter passes through them. A group begins when the first bin has passed through those before it.
+        """
+        config = self.config
+        if not config.layers:
+            self.fires = self.spikes[0]
+            return
+        stack, spans = config.stack, config.spans
+        last = self.group == len(stack) - 1
+        wanted = Mux(self.state == State.SPIKES, last, 1 if spans[-1].words else ~last)
+        m.d.comb += self.fires.eq(self.spikes[0] & wanted)
+        steps = self._of_group(m, [span.words for span in spans], "words_of_row")
+        with m.If(self.state == State.RECURRENT):
+            m.d.sync += self.row.eq((self.row + Mux(self.fires, 1, steps))[: len(self.row)])
+        with m.Elif(self.working):
+            m.d.sync += self.row.eq(0)
+        done = (self.state == State.OUTPUTS) & (self.index == config.classes - 1) & ~self.clearing
+        with m.If(done & (self.ended != len(stack) - 1)):
+            m.d.sync += self.ended.eq(self.ended + 1)
+        outputs_wait = self.ended != len(stack) - 1
+        with m.If(self.working):
+            m.d.sync += self.now_waits.eq(Mux(self.state == State.OUTPUTS, outputs_wait, self.ended < self.group))
+        with m.If(self.scan_start):
+            m.d.sync += self.ended.eq(0)
+
+    def _of_group(self, m: Module, values: list[int], name: str) -> Value:
+        """Return the constant of the group of the current neuron."""
+        found = Signal(range(max(*values, 1) + 1), name=name)
+        with m.Switch(self.group):
+            for number, value in enumerate(values[:-1]):
+                with m.Case(number):
+                    m.d.comb += found.eq(value)
+            with m.Default():
+                m.d.comb += found.eq(values[-1])
+        return found
+
     def _awake(self, m: Module) -> None:
         """Add the signal ``awake``, which is low in clocks without a register change, so that the clock may stop.
 
@@ -214,8 +260,11 @@ class Classifier(Block[ClassifierConfig]):
 
     def _control(self, m: Module) -> None:
         config = self.config
-        fired = self.spikes[0]
-        row_ends = self.step == config.groups - 1
+        fired = self.fires
+        row_ends: Value = self.step == config.groups - 1
+        if config.layers:
+            ends = self._of_group(m, [max(span.words - 1, 0) for span in config.spans], "last_of_row")
+            row_ends = self.step == Mux(self.state == State.RECURRENT, ends, config.groups - 1)
         spike_ends = self.step == config.classes - 1
         last_neuron = self.index == config.hidden - 1
         ending = Signal()
@@ -266,10 +315,18 @@ class Classifier(Block[ClassifierConfig]):
             m.d.sync += self.stall_count.eq(stalls[:-1])
         with m.If(self.scan_start):
             m.d.sync += [self.state.eq(State.NEURONS), self.clearing.eq(1), self.index.eq(0), self.step.eq(0)]
+            if config.layers:
+                m.d.sync += self.group.eq(0)
             m.d.sync += [self.pending.eq(0), self.overrun.eq(0), self.stall_count.eq(0)]
 
     def _next(self, m: Module, last: Value, state: State) -> None:
         """Advance to the next number, or from the last number to the next state."""
+        if self.config.layers:
+            behind = self._of_group(m, [group.end - 1 for group in self.config.stack], f"last_neuron_{state.name}")
+            with m.If(self.index == behind):
+                m.d.sync += self.group.eq((self.group + 1)[: len(self.group)])
+            with m.If(last):
+                m.d.sync += self.group.eq(0)
         m.d.sync += [self.index.eq((self.index + 1)[: len(self.index)]), self.step.eq(0)]
         with m.If(last):
             m.d.sync += [self.index.eq(0), self.state.eq(state)]
@@ -294,13 +351,20 @@ class Classifier(Block[ClassifierConfig]):
             self.now_clears.eq(self.clearing),
         ]
         with m.If(self.working):
-            number = Mux(self.state == State.NEURONS, self.index >> place, self.step)
+            number = Mux(self.state == State.NEURONS, self.index >> place, self._word(m))
             m.d.sync += [
                 self.now_recurrent.eq(recurrent),
                 self.now_last.eq(self.index == config.classes - 1),
                 self.now_index.eq(self.index[: len(self.now_index)]),
                 self.now_step.eq(number[: len(self.now_step)]),
             ]
+
+    def _word(self, m: Module) -> Value:
+        """Return the number of the potentials in the lanes that a word of a row changes."""
+        if not self.config.layers:
+            return self.step
+        first = self._of_group(m, [span.first for span in self.config.spans], "first_of_row")
+        return self.step + Mux(self.state == State.RECURRENT, first, 0)
 
     # -- what is done with the words ---------------------------------------------------------------
 
@@ -320,7 +384,7 @@ class Classifier(Block[ClassifierConfig]):
         if config.hidden >= config.lanes:
             ends[config.lanes - 1] = Const(1), self.held_index[:place].all() if place else Const(1)
         if fewer := config.hidden % config.lanes:
-            ends[fewer - 1] = self.now_step == config.groups - 1, self.held_index == config.hidden - 1
+            ends[fewer - 1] = self.now_step == config.lane_words - 1, self.held_index == config.hidden - 1
         for number, lane in enumerate(lanes):
             lane.place(m, f"lane_{number}", platform)
             shifts: Value = self.now_neuron
@@ -345,10 +409,10 @@ class Classifier(Block[ClassifierConfig]):
                 lane.set_valid.eq(shifts),
                 lane.set_value.eq(value),
             ]
-            if config.row_bits:
+            if config.lane_bits:
                 m.d.comb += [
-                    lane.group.eq(self.now_step[: config.row_bits]),
-                    lane.set_group.eq(group[: config.row_bits]),
+                    lane.group.eq(self.now_step[: config.lane_bits]),
+                    lane.set_group.eq(group[: config.lane_bits]),
                 ]
         return lanes[0].potential
 
@@ -363,7 +427,7 @@ class Classifier(Block[ClassifierConfig]):
                 self.held_index.eq(self.now_index[: len(self.held_index)]),
                 self.held_clears.eq(self.now_clears),
             ]
-        with m.If(self.now_clears):
+        with m.If(self._rests):
             m.d.sync += self.held_potential.eq(0)
         v, bias = self.held_potential, self.held_bias << config.bias_shift
         threshold: int | Value = config.threshold
@@ -384,6 +448,11 @@ class Classifier(Block[ClassifierConfig]):
             self.hidden_spike.eq(spike),
         ]
 
+    @property
+    def _rests(self) -> Value:
+        """Condition under which the current neuron stays as at the start of a scan."""
+        return self.now_clears | (self.now_waits & self.now_neuron) if self.config.layers else self.now_clears
+
     def _potentials(self, m: Module, rest: Value, leaks: Leak | Value, platform: Any) -> None:
         """Write back a potential after reset; read and leak the potential two neurons ahead."""
         config = self.config
@@ -399,13 +468,15 @@ class Classifier(Block[ClassifierConfig]):
         kept = leak(m, potentials.read_data, leaks)
         with m.If(self.now_neuron):
             m.d.sync += self.held_rest.eq(kept)
-        with m.If(self.now_clears):
+        with m.If(self._rests):
             m.d.sync += self.held_rest.eq(0)
 
     def _outputs(self, m: Module, word: Value) -> None:
         config = self.config
         bits = config.output_bits
-        own = self.ring[:bits].as_signed()
+        own: Value = self.ring[:bits].as_signed()
+        if config.layers:
+            own = Mux(self.now_output & self.now_waits, 0, own)
         v: Value = own
         threshold: int | Value = config.out_threshold
         leaks: Leak | Value = Leak(config.out_leak_shift, config.out_leak_factor)

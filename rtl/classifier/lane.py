@@ -64,8 +64,8 @@ class Lane(Block[ClassifierConfig]):
         super().__init__(
             config,
             {
-                "group": In(unsigned(config.row_bits)) if config.row_bits else None,
-                "set_group": In(unsigned(config.row_bits)) if config.row_bits else None,
+                "group": In(unsigned(config.lane_bits)) if config.lane_bits else None,
+                "set_group": In(unsigned(config.lane_bits)) if config.lane_bits else None,
                 "potential": Out(signed(config.membrane_bits)),
                 "add_valid": In(1),
                 "recurrent": In(1),
@@ -101,13 +101,13 @@ class Lane(Block[ClassifierConfig]):
         else:
             total = add(m, self.potential, weight, bits, config.saturates)
             m.d.comb += value.eq(Mux(self.set_valid, self.set_value, total))
-        if not config.row_bits:
+        if not config.lane_bits:
             single = Signal(signed(config.membrane_bits))
             m.d.comb += self.potential.eq(single)
             with m.If(written):
                 m.d.sync += single.eq(value)
             return m
-        memory = Memory(shape=unsigned(config.membrane_bits), depth=1 << config.row_bits, init=[])
+        memory = Memory(shape=unsigned(config.membrane_bits), depth=1 << config.lane_bits, init=[])
         m.submodules.memory = memory
         read, write = memory.read_port(domain="comb"), memory.write_port()
         m.d.comb += [

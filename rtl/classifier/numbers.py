@@ -36,6 +36,9 @@ def fire(
     low, high = lowest(len(v)) if floor is None else floor, highest(len(v))
     if reset == "zero" and isinstance(threshold, int):
         high = threshold
+    if reset == "delayed":
+        m.d.comb += [held.eq(v if floor is None else Mux(v < floor, floor, v)), spike.eq(v > threshold)]
+        return held, spike, (leak(m, held, leaks) - Mux(spike, threshold, 0))[: len(v)].as_signed()
     rest = Signal(signed(int(bits_of((low, high)))), name="rest")
     m.d.comb += [
         held.eq(v if floor is None else Mux(v < floor, floor, v)),

@@ -14,7 +14,7 @@ from eskin.cocotb_tests.independent.merge import Merge
 from eskin.cocotb_tests.independent.readout import Readout
 from eskin.cocotb_tests.independent.settings import Settings
 from eskin.model.address_events import EVENT_DTYPE, Events
-from eskin.model.classifier.network import IntegerNetwork
+from eskin.model.classifier.network import IntegerNetwork, group_of
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.compare import first_difference
 from eskin.model.frame import FrameStimulus
@@ -163,11 +163,10 @@ def network_of(first: IntegerNetwork) -> Network:
     """Return the second model of a network."""
     config = first.config
     fires = config.readout == "spikes"
-    subtract = config.neuron_reset == "subtract"
     hidden = [
         Neuron(
             config.membrane_bits, bias << config.bias_shift, threshold, config.floor,
-            (shift, config.leak_factor), (config.synapse_shift, config.synapse_factor), subtract,
+            (shift, config.leak_factor), (config.synapse_shift, config.synapse_factor), config.neuron_reset,
         )
         for bias, threshold, shift in zip(
             first.b_hidden.tolist(), first.threshold.tolist(), first.leak.tolist(), strict=True
@@ -177,7 +176,7 @@ def network_of(first: IntegerNetwork) -> Network:
         Neuron(
             config.output_bits, bias << config.out_bias_shift, threshold,
             config.out_floor if fires else None, (shift, config.out_leak_factor),
-            (config.out_synapse_shift, config.out_synapse_factor), subtract, fires,
+            (config.out_synapse_shift, config.out_synapse_factor), config.neuron_reset, fires,
         )
         for bias, threshold, shift in zip(
             first.b_out.tolist(), first.out_threshold.tolist(), first.out_leak.tolist(), strict=True
@@ -191,4 +190,4 @@ def network_of(first: IntegerNetwork) -> Network:
             (first.w_out, config.out_shift),
         )
     )
-    return Network(w_in, w_rec, w_out, hidden, outputs, config.evidence_bits)
+    return Network(w_in, w_rec, w_out, hidden, outputs, config.evidence_bits, group_of(config).tolist())

@@ -130,12 +130,17 @@ def network_draw(rng: np.random.Generator) -> IntegerNetwork:
     leaks = {f"{name}_{part}": value for name in LEAKS for part, value in zip(("shift", "factor"), leak(), strict=True)}
     if own := one(False, True):
         leaks |= {"leak_factor": 1, "out_leak_factor": 1}
+    if (reset := one("zero", "subtract", "delayed")) == "delayed":
+        leaks |= {"synapse_shift": 0, "synapse_factor": 1, "out_synapse_shift": 0, "out_synapse_factor": 1}
+    stacks = ([], [[0, 4, []], [4, 12, [0]]], [[0, 3, [0]], [3, 5, [0, 1]], [5, 12, [1]]])
+    layers = stacks[rng.integers(len(stacks))]
     config = ClassifierConfig(
-        inputs=one(1, 3, 8), hidden=one(1, 5, 12), classes=one(1, 2, 6), in_bits=one(2, 4, 8), rec_bits=one(2, 4, 8),
+        inputs=one(1, 3, 8), hidden=12 if layers else one(1, 5, 12), layers=layers,
+        classes=one(1, 2, 6), in_bits=one(2, 4, 8), rec_bits=one(2, 4, 8),
         out_bits=one(2, 4, 8), bias_bits=one(2, 9), in_shift=one(0, 2), rec_shift=one(0, 3), bias_shift=one(0, 1),
         out_shift=one(0, 2), out_bias_shift=one(0, 1), membrane_bits=one(7, 9, 20), output_bits=one(7, 9, 20),
         evidence_bits=one(4, 8, 24), threshold=one(1, 20, 60), out_threshold=one(1, 20, 60), floor=one(None, 0, -30),
-        out_floor=one(None, 0, -30), neuron_reset=one("zero", "subtract"), readout=one("spikes", "membrane"),
+        out_floor=one(None, 0, -30), neuron_reset=reset, readout=one("spikes", "membrane"),
         own_parameters=own, **leaks,
     )  # fmt: skip
 

@@ -107,6 +107,26 @@ def test_a_threshold_and_a_leak_belong_to_one_neuron() -> None:
         dataclasses.replace(network(), out_leak=np.array([0, 1, 0]))
 
 
+def test_one_group_that_reads_itself_is_a_network_without_layers() -> None:
+    assert network(layers=[[0, 20, [0]]]).config == network().config
+
+
+def test_a_stack_has_words_and_clocks_for_connected_groups_alone() -> None:
+    made = network(2, own_parameters=True, layers=[[0, 6, [0]], [6, 11, [0]], [11, 20, [1]]])
+    config = made.config
+    # lanes of 4: events change words 0 and 1, spikes words 0 to 2, 2 to 4, and none
+    assert config.groups == 2
+    assert [tuple(span) for span in config.spans] == [(0, 3), (2, 3), (0, 0)]
+    assert config.recurrent_words == 6 * 3 + 5 * 3
+    assert config.delay_bins == 2
+    again = network_from_images(config, weight_image(made), neuron_image(made))
+    for name in (*ARRAYS, *PARAMETERS):
+        assert np.array_equal(getattr(again, name), getattr(made, name)), name
+    assert work_clocks(config, 1, 1) - work_clocks(config, 0, 0) == 11 * 2 + 9 * 2
+    with pytest.raises(InputError, match=r"^w_rec has a weight between groups that are not connected$"):
+        dataclasses.replace(made, w_rec=made.w_rec * 0 + 1)
+
+
 def test_arrays_that_do_not_fit_are_refused() -> None:
     own = network()
     for rows in (5, 7):
@@ -155,7 +175,8 @@ def test_an_event_takes_as_many_clocks_as_a_row_has_words() -> None:
 def test_a_spike_takes_its_share_of_the_work() -> None:
     config = network().config
     assert work_clocks(config, 0, 0) == 20 + 20 + 2 + 20 + 3
-    assert work_clocks(config, 3, 7) == (20 + 3 * 4) + 20 + 2 + (20 + 7 * 2) + 3
+    some, more = (np.arange(20) < count for count in (3, 7))
+    assert work_clocks(config, some, more) == (20 + 3 * 4) + 20 + 2 + (20 + 7 * 2) + 3
 
 
 def test_every_event_goes_to_its_channel_and_none_is_taken_behind_the_end() -> None:
@@ -223,6 +244,17 @@ def test_images_hold_every_weight_at_its_address(tmp_path: Path) -> None:
         ({"hidden": 2.5}, "hidden must be of type int, not 2.5"),
         ({"out_shift": 17}, "out_shift must be in 0..16, not 17"),
         ({"own_parameters": True, "leak_shift": 8}, r"leak must be a shift of at most 7, not 1 / 2\*\*8"),
+        ({"layers": [[0, 256]]}, "layers must list start, end and groups read of each group, not"),
+        ({"layers": [[0, 9, []], [8, 256, [0]]]}, "group 1 must start at 9 and end behind it, not at (8, 256"),
+        ({"layers": [[0, 9, []], [9, 20, [0]]]}, "the groups end at 20, but the network has 256 hidden neurons"),
+        ({"layers": [[0, 9, [2]], [9, 256, [0]]]}, "group 0 must read groups of 0..1, rising, not (2,"),
+        ({"layers": [[0, 9, []], [9, 256, [1]]]}, "group 1 must read group 0, not only (1,"),
+        ({"layers": [[0, 256, []]]}, "a network of one group reads itself; leave its layers out"),
+        (
+            {"layers": [[0, 9, []], [9, 20, [0]], [20, 30, [1]], [30, 256, [0, 2]]]},
+            "the groups that read group 0 must be neighbours, not [1, 3]".replace("[", r"\["),
+        ),
+        ({"neuron_reset": "delayed", "synapse_shift": 1}, "a delayed reset needs neurons without a synaptic current"),
         ({"bin_s": 0}, "bin_s must be a positive number of seconds, not 0"),
         ({"shade": 2, "colour": 1}, "unknown classifier field 'colour'"),
     ],
