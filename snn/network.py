@@ -75,6 +75,10 @@ class SpikingNetwork(nn.Module):
                 setattr(self, name, nn.Parameter(torch.full((size,), math.log(value / (1 - value)))))
             else:
                 self.register_buffer(name, torch.full((size,), value), persistent=False)
+        if config.layers:
+            with torch.no_grad():
+                for matrix, exists in zip((self.w_in, self.w_rec, self.w_out), _connections(config), strict=True):
+                    matrix.mul_(exists)
 
     def decays(self) -> tuple[Tensor, Tensor]:
         """Return the decays of hidden and output neurons, shapes (hidden,) and (classes,)."""
@@ -91,14 +95,32 @@ class SpikingNetwork(nn.Module):
         return w_in / scale, w_rec, w_out
 
     def spikes(self, x: Tensor) -> Tensor:
-        """Return the hidden spikes, shape (steps, scans, hidden)."""
+        """Return the hidden spikes, shape (steps, scans, hidden), without a delay between the layers of a stack."""
         w_in, w_rec, _ = self.weights()
         return self._hidden(x, w_in, w_rec)
 
     def _hidden(self, x: Tensor, w_in: Tensor, w_rec: Tensor) -> Tensor:
         decay, _ = self.decays()
         x, config = _scaled(self.config, x), self.config
-        return layer(config.rule, x, w_in, self.b_hidden, decay, w_rec, self.backend, config.synapse_decay)
+        late = self._late(decay)
+        w_rec = w_rec if late is None else w_rec + late
+        found: list[Tensor] = []
+        before, start = slice(0), 0
+        for size in config.layers or (config.hidden,):
+            own = slice(start, start + size)
+            w = w_rec[own, before] if found else w_in[own]
+            constants = self.b_hidden[own], decay[own], w_rec[own, own]
+            x = layer(config.rule, x, w, *constants, self.backend, config.synapse_decay)
+            found.append(x)
+            before, start = own, own.stop
+        return torch.cat(found, 2) if config.layers else x
+
+    def _late(self, decay: Tensor) -> Tensor | None:
+        """Return the recurrent weights that make a reset by subtraction a delayed one, or None for another reset.
+
+        A delayed reset subtracts the threshold 1 after the leak: decay * v - 1 = decay * (v - 1) - (1 - decay).
+        """
+        return torch.diag(decay - 1) if self.config.reset == "delayed" else None
 
     def forward(self, x: Tensor) -> Output:
         """Return logits, penalty and spike rate for scans of shape (steps, scans, inputs)."""
@@ -110,6 +132,8 @@ class SpikingNetwork(nn.Module):
             excess = (s.mean((0, 1)) - config.rate_limit).clamp_min(0.0)
             penalty = config.rate_weight * excess.square().mean()
         rate = float(s.detach().mean())
+        if config.layers:
+            s, w_out = s[..., -config.layers[-1] :], w_out[:, -config.layers[-1] :]
         kept = s.new_ones(s.shape[1:])
         if config.dropout and self.training:
             kept = functional.dropout(kept, config.dropout)
@@ -117,7 +141,7 @@ class SpikingNetwork(nn.Module):
             s = s * kept if config.dropout and self.training else s
             _, decay = self.decays()
             currents = config.output_synapse_decay
-            out = layer(config.rule, s, w_out, self.b_out, decay, None, self.backend, currents).sum(0)
+            out = layer(config.rule, s, w_out, self.b_out, decay, self._late(decay), self.backend, currents).sum(0)
         else:
             out = self._mean_membrane(s, kept, w_out)
         return Output(out * config.output_scale, penalty, rate)
@@ -136,6 +160,13 @@ class SpikingNetwork(nn.Module):
         if len(summed) == 1:
             return functional.linear(summed[0], w_out) + self.b_out * reach.sum(0)
         return torch.einsum("obh,oh->bo", summed, w_out) + self.b_out * reach.sum(0)
+
+
+def _connections(config: NetworkConfig) -> tuple[Tensor, Tensor, Tensor]:
+    """Return 1 for each weight of w_in, w_rec and w_out that a stack has, and 0 for others."""
+    number = torch.repeat_interleave(torch.arange(len(config.layers)), torch.tensor(config.layers))
+    ahead = number[:, None] - number
+    return (number == 0)[:, None], (ahead == 0) | (ahead == 1), number == len(config.layers) - 1
 
 
 def synaptic(currents: Tensor, decay: float) -> Tensor:

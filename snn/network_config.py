@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 
 from eskin.base.errors import InputError
 from eskin.snn.fields import NetworkFields
-from eskin.snn.kernels.rule import NeuronReset, NeuronRule
+from eskin.snn.kernels.rule import NetworkReset, NeuronRule
 
 Kind = Literal["spiking", "rnn", "gru", "cnn"]
 OutputMode = Literal["spikes", "membrane"]
@@ -51,7 +51,10 @@ class NetworkConfig(NetworkFields):
     """Part of the synaptic current left after one step (NIR: CubaLIF); 0 for inputs that reach the membrane at once."""
     learn_decay: bool = False
     """Every neuron learns its decays, starting from the given values (below 1)."""
-    reset: NeuronReset = NeuronRule.reset
+    layers: tuple[int, ...] = ()
+    """Sizes of the layers of a stack, whose sum is ``hidden``; none for one recurrent layer. The first layer reads the
+    channels, each other one the layer before, and the outputs read the last; a layer may also read itself."""
+    reset: NetworkReset = NeuronRule.reset
     reset_gradient: bool = NeuronRule.reset_gradient
     floor: float = NeuronRule.floor
     surrogate: str = NeuronRule.surrogate
@@ -74,9 +77,18 @@ class NetworkConfig(NetworkFields):
 
     def __post_init__(self) -> None:
         fields_of(self.kind)
-        self._check_types()
+        self._check_types(but=("layers",))
         for name in ("inputs", "classes", "hidden"):
             self._check_least(name, 1)
+        if not isinstance(self.layers, (list, tuple)) or not all(
+            type(size) is int and size > 0 for size in self.layers
+        ):
+            raise InputError(f"layers must list numbers of neurons, not {self.layers!r}")
+        object.__setattr__(self, "layers", tuple(self.layers) if len(self.layers) > 1 else ())
+        if self.layers and sum(self.layers) != self.hidden:
+            raise InputError(f"layers must have {self.hidden} neurons in total, not {sum(self.layers)}")
+        if self.reset == "delayed" and (self.synapse_decay or self.output_synapse_decay):
+            raise InputError("a delayed reset needs neurons without a synaptic current")
         for name in ("input_scale", "output_scale"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 raise InputError(f"{name} must be a positive number, not {getattr(self, name)!r}")
@@ -106,8 +118,14 @@ class NetworkConfig(NetworkFields):
 
     @property
     def rule(self) -> NeuronRule:
-        """Constants of every neuron."""
-        return NeuronRule(**{field.name: getattr(self, field.name) for field in dataclasses.fields(NeuronRule)})
+        """Constants of every neuron; the network itself adds what a delayed reset subtracts less."""
+        fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(NeuronRule)}
+        return NeuronRule(**fields | {"reset": "subtract" if self.reset == "delayed" else self.reset})
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as a dictionary, without ``layers`` if there is one layer."""
+        fields = super().to_dict()
+        return {name: value for name, value in fields.items() if name != "layers" or value}
 
     @classmethod
     def from_dict(cls, fields: Any) -> NetworkConfig:

@@ -136,6 +136,7 @@ def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
         "out_bias_shift": outputs.bias_shift,
         "threshold": hidden.threshold,
         "floor": _floor(config.floor, hidden.unit),
+        "layers": _groups(config.layers, w_rec),
         "neuron_reset": config.reset,
         **leaks,
         "readout": config.readout,
@@ -148,6 +149,16 @@ def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
     biases = {"b_hidden": hidden.bias, "b_out": outputs.bias}
     made = IntegerNetwork(ClassifierConfig.from_dict(fields), **whole, **biases, **shifts).sized()
     return IntegerWeights(_with_widths(made, precision), weights.class_names, notes)
+
+
+def _groups(sizes: tuple[int, ...], w_rec: NDArray[np.float64]) -> list[tuple[int, int, list[int]]]:
+    """Return start, end and groups read of each layer of a stack; a layer without recurrent weights skips itself."""
+    ends = np.cumsum(sizes).tolist()
+    found = []
+    for number, (size, end) in enumerate(zip(sizes, ends, strict=True)):
+        own = [number] if w_rec[end - size : end, end - size : end].any() else []
+        found.append((end - size, end, [number - 1] * bool(number) + own))
+    return found
 
 
 def _with_widths(made: IntegerNetwork, precision: Precision) -> IntegerNetwork:

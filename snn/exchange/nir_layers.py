@@ -23,15 +23,20 @@ _FIRING = (nir.IF, nir.LIF, nir.CubaLIF)
 _NEURONS = (*_FIRING, nir.I, nir.LI)
 
 
+class Part(NamedTuple):
+    """Names of the nodes of one layer; None without recurrent connections."""
+
+    linear: str
+    neurons: str
+    recurrent: str | None
+
+
 class Chain(NamedTuple):
-    """Names of the nodes of a graph, from input to output; None for a node that it lacks."""
+    """Names of the nodes of a graph, from input to output; None for a scale that it lacks."""
 
     scale: str | None
-    hidden_in: str
-    hidden: str
-    recurrent: str | None
-    readout_in: str
-    readout: str
+    hidden: list[Part]
+    readout: Part
 
 
 def follow(graph: nir.NIRGraph) -> Chain:
@@ -44,6 +49,13 @@ def follow(graph: nir.NIRGraph) -> Chain:
     (place,) = graph.inputs
     seen = {place}
 
+    def check(name: str, *types: type) -> None:
+        if not isinstance(graph.nodes[name], types):
+            wanted = " or ".join(kind.__name__ for kind in types)
+            raise InputError(
+                f"node {name!r} is of type {type(graph.nodes[name]).__name__}, where the network has {wanted}"
+            )
+
     def advance(*types: type) -> str:
         nonlocal place
         forward = [name for name in after[place] if name not in seen]
@@ -52,35 +64,36 @@ def follow(graph: nir.NIRGraph) -> Chain:
             raise InputError(f"node {place!r} leads to {count} further nodes; it must lead to one")
         place = forward[0]
         seen.add(place)
-        node = graph.nodes[place]
-        if not isinstance(node, types):
-            wanted = " or ".join(kind.__name__ for kind in types)
-            raise InputError(f"node {place!r} is of type {type(node).__name__}, where the network has {wanted}")
+        check(place, *types)
         return place
+
+    def part(linear: str, *types: type) -> Part:
+        neurons = advance(*types)
+        loops = [name for name in after[neurons] if after[name] == [neurons]]
+        if any(isinstance(graph.nodes[name], nir.Output) for name in after[neurons]):
+            return Part(linear, neurons, None)  # a loop of the outputs is a further node
+        if len(loops) > 1:
+            raise InputError(f"node {neurons!r} has {len(loops)} recurrent connections; the network has one")
+        for name in loops:
+            check(name, *_LINEAR)
+        seen.update(loops)
+        return Part(linear, neurons, loops[0] if loops else None)
 
     first = advance(nir.Scale, *_LINEAR)
     scale = first if isinstance(graph.nodes[first], nir.Scale) else None
-    hidden_in = first if scale is None else advance(*_LINEAR)
-    hidden = advance(*_FIRING)
-    loops = [name for name in after[hidden] if after[name] == [hidden]]
-    if len(loops) > 1:
-        raise InputError(f"node {hidden!r} has {len(loops)} recurrent connections; the network has one")
-    for name in loops:
-        if not isinstance(graph.nodes[name], _LINEAR):
-            raise InputError(
-                f"node {name!r} is of type {type(graph.nodes[name]).__name__}, where the network has Linear or Affine"
-            )
-    seen.update(loops)
-    chain = Chain(scale, hidden_in, hidden, loops[0] if loops else None, advance(*_LINEAR), advance(*_NEURONS))
+    parts = [part(first if scale is None else advance(*_LINEAR), *_FIRING)]
+    while len(parts) == 1 or not any(isinstance(graph.nodes[name], nir.Output) for name in after[place]):
+        check(parts[-1].neurons, *_FIRING)
+        parts.append(part(advance(*_LINEAR), *_NEURONS))
     advance(nir.Output)
     if unused := sorted(set(graph.nodes) - seen):
         raise InputError(f"node {unused[0]!r} is not on the path from input to output; remove it")
-    expected = len(seen) - 1 + len(loops)
+    expected = len(seen) - 1 + sum(one.recurrent is not None for one in parts)
     if len(graph.edges) != expected:
         raise InputError(
             f"the graph has {len(graph.edges)} edges, where the network has {expected}; remove other loops"
         )
-    return chain
+    return Chain(scale, parts[:-1], parts[-1])
 
 
 def affine(graph: nir.NIRGraph, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -33,7 +33,7 @@ from eskin.base.files import atomic_write
 from eskin.snn.exchange.hdf5 import read_hdf5
 from eskin.snn.exchange.nir_layers import INPUT, Layer, affine, broadcast, follow
 from eskin.snn.exchange.weights import Weights, check_class_names, check_step, config_of
-from eskin.snn.kernels.rule import NeuronReset
+from eskin.snn.kernels.rule import NetworkReset
 from eskin.snn.network import SpikingNetwork, build
 from eskin.snn.network_config import NetworkConfig
 
@@ -61,6 +61,8 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
     network, config = weights.network, config_of(weights.network)
     if not isinstance(network, SpikingNetwork):
         raise InputError(f"a network of kind {config.kind} has no NIR neurons; export it as .npz")
+    if config.layers:
+        raise InputError("export writes networks of one hidden layer as NIR; export this stack as .npz")
     if config.weight_bits:
         raise InputError(
             f"the network rounds its weights to {config.weight_bits} bits, which NIR cannot express; export it as .npz"
@@ -157,8 +159,8 @@ def load_nir(
 
     - ``step_s``: seconds per time step, required if the file's metadata have no ``dt``.
     - ``class_names``: names of the outputs, by default those in the file, or else their numbers.
-    - ``reset``: "zero" or "subtract". Effect of a spike on neurons whose metadata do not have it, zero by default: NIR
-      has no reset by subtraction.
+    - ``reset``: "zero", "subtract" or "delayed". Effect of a spike on neurons whose metadata do not have it, zero by
+      default: NIR has no reset by subtraction. "delayed" is the default of snnTorch's ``Leaky``.
     """
     data = read_hdf5(Path(path), "a NIR graph; export it again")
     try:
@@ -181,11 +183,11 @@ def from_nir(
         raise InputError(f"the graph is incomplete: {error}") from None
     header = _header(graph)
     dt = _time_step(graph, step_s)
-    if reset not in (None, *get_args(NeuronReset)):
-        raise InputError(f"the reset must be zero or subtract, not {reset!r}")
+    if reset not in (None, *get_args(NetworkReset)):
+        raise InputError(f"the reset must be zero, subtract or delayed, not {reset!r}")
     hidden, readout, w_rec, input_scale = _layers(graph, dt, reset)
-    if reset is not None and reset != hidden.reset:
-        raise InputError(f"the graph already sets the reset {hidden.reset}, not {reset}; leave --reset out")
+    if reset is not None and reset != hidden[0].reset:
+        raise InputError(f"the graph already sets the reset {hidden[0].reset}, not {reset}; leave --reset out")
     config, names = _config_of(hidden, readout, input_scale, header)
     names = names if class_names is None else class_names
     if isinstance(names, (list, tuple)) and len(names) != config.classes:
@@ -195,21 +197,41 @@ def from_nir(
     class_names = check_class_names(names, config.classes)
     network = build(config, seed=0)
     assert isinstance(network, SpikingNetwork)
-    state = {"w_in": hidden.weight, "b_hidden": hidden.bias, "w_rec": w_rec}
-    state |= {"w_out": readout.weight, "b_out": readout.bias}
+    sizes = [len(layer.decay) for layer in hidden]
+    w_in, w_out = np.zeros((sum(sizes), config.inputs)), np.zeros((config.classes, sum(sizes)))
+    w_in[: sizes[0]], w_out[:, -sizes[-1] :] = hidden[0].weight, readout.weight
+    bias = np.concatenate([layer.bias for layer in hidden])
+    state = {"w_in": w_in, "b_hidden": bias, "w_rec": w_rec, "w_out": w_out, "b_out": readout.bias}
     if config.learn_decay:
-        state |= {"raw_decay": hidden.logits(), "raw_output_decay": readout.logits()}
+        raw = np.concatenate([layer.logits() for layer in hidden])
+        state |= {"raw_decay": raw, "raw_output_decay": readout.logits()}
     with np.errstate(over="ignore"):
         arrays = {name: array.astype(np.float32) for name, array in state.items()}
     if wrong := [name for name, array in arrays.items() if not np.isfinite(array).all()]:
         raise InputError(f"the graph gives {wrong[0]} values beyond float32; export it again")
     network.load_state_dict({name: torch.from_numpy(array) for name, array in arrays.items()})
-    for layer, kept in zip((hidden, readout), network.decays(), strict=True):
-        if np.abs(kept.detach().numpy() - layer.decay).max() > MAX_DECAY_ERROR:
+    made, made_output = (decays.detach().numpy() for decays in network.decays())
+    parts = [*np.split(made, np.cumsum(sizes)[:-1]), made_output]
+    for layer, kept in zip((*hidden, readout), parts, strict=True):
+        if np.abs(kept - layer.decay).max() > MAX_DECAY_ERROR:
             raise InputError(
                 f"node {layer.name!r} has a tau that contradicts the decay in the metadata; remove the metadata"
             )
     return Weights(network, class_names, dt)
+
+
+def assumption(path: Path, weights: Weights) -> str:
+    """Return the assumption about the effect of a spike in a NIR file that does not state it; an empty text if it does.
+
+    ``weights`` is the network that ``load_nir`` made of the file.
+    """
+    graph = nir.read(io.BytesIO(read_hdf5(path, "a NIR graph; export it again")), type_check=False)
+    firing = [node for node in graph.nodes.values() if hasattr(node, "v_threshold")]
+    if all("reset" in node.metadata for node in firing):
+        return ""
+    reset = config_of(weights.network).reset
+    text = f"assumed: a spike resets the potential by {reset!r}, because the graph does not say so"
+    return f"{text}; snnTorch's Leaky needs --reset delayed unless reset_mechanism and reset_delay were given"
 
 
 def _number(metadata: dict[str, Any], name: str, default: Any) -> Any:
@@ -229,22 +251,15 @@ def _time_step(graph: nir.NIRGraph, step_s: float | None) -> float:
     return steps[0]
 
 
-def _layers(graph: nir.NIRGraph, dt: float, reset: str | None) -> tuple[Layer, Layer, NDArray[np.float64], float]:
-    """Return hidden and output layer, recurrent weights and input scale of a graph.
+def _layers(graph: nir.NIRGraph, dt: float, reset: str | None) -> tuple[list[Layer], Layer, NDArray[np.float64], float]:
+    """Return hidden layers and output layer, recurrent weights and input scale of a graph.
 
     Raise InputError for unsupported nodes.
     """
     chain = follow(graph)
-    w_in, b_hidden = affine(graph, chain.hidden_in)
-    w_out, b_out = affine(graph, chain.readout_in)
-    size = len(w_in)
-    w_rec, b_rec = (np.zeros((size, size)), 0.0) if chain.recurrent is None else affine(graph, chain.recurrent)
-    for name, weight, rows in ((chain.recurrent, w_rec, size), (chain.readout_in, w_out, len(w_out))):
-        if weight.shape != (rows, size):
-            raise InputError(
-                f"node {name!r} has weights of shape {weight.shape}, but node {chain.hidden!r} has {size} neurons"
-            )
-    input_scale = _folded(graph.nodes[chain.hidden_in])
+    first = chain.hidden[0].linear
+    w_in, b_in = affine(graph, first)
+    input_scale = _folded(graph.nodes[first])
     w_in = w_in / input_scale
     if chain.scale is not None:
         scale = broadcast(chain.scale, graph.nodes[chain.scale].scale, w_in.shape[1])
@@ -252,11 +267,45 @@ def _layers(graph: nir.NIRGraph, dt: float, reset: str | None) -> tuple[Layer, L
             input_scale *= float(scale[0])
         else:
             w_in = w_in * scale
-    hidden = Layer.of(chain.hidden, graph.nodes[chain.hidden], dt, w_in, b_hidden + b_rec, reset)
-    readout = Layer.of(chain.readout, graph.nodes[chain.readout], dt, w_out, b_out, reset)
-    if readout.fires and (readout.floor, readout.reset) != (hidden.floor, hidden.reset):
-        raise InputError(f"nodes {hidden.name!r} and {readout.name!r} differ in floor or reset; make them equal")
-    return hidden, readout, w_rec * hidden.gain[:, None], input_scale
+    layers: list[Layer] = []
+    recurrent = []
+    for part in (*chain.hidden, chain.readout):
+        weight, bias = affine(graph, part.linear) if layers else (w_in, b_in)
+        size = len(weight)
+        w_rec, b_rec = (np.zeros((size, size)), 0.0) if part.recurrent is None else affine(graph, part.recurrent)
+        shapes = [(part.recurrent, w_rec, part.neurons, size)]
+        if layers:
+            shapes.append((part.linear, weight, layers[-1].name, len(layers[-1].decay)))
+        for name, matrix, neurons, wanted in shapes:
+            if matrix.shape != (size, wanted):
+                raise InputError(
+                    f"node {name!r} has weights of shape {matrix.shape}, but node {neurons!r} has {wanted} neurons"
+                )
+        layers.append(Layer.of(part.neurons, graph.nodes[part.neurons], dt, weight, bias + b_rec, reset))
+        recurrent.append(w_rec * layers[-1].gain[:, None])
+    *hidden, readout = layers
+    for one in layers:
+        if one.fires and (one.floor, one.reset) != (hidden[0].floor, hidden[0].reset):
+            raise InputError(f"nodes {hidden[0].name!r} and {one.name!r} differ in floor or reset; make them equal")
+        if one.reset == "delayed" and one.synapse_decay:
+            raise InputError(f"node {one.name!r} has a synaptic current, so its reset must be zero or subtract")
+    for one in hidden:
+        if abs(one.synapse_decay - hidden[0].synapse_decay) > MAX_DECAY_ERROR:
+            raise InputError(f"nodes {hidden[0].name!r} and {one.name!r} differ in tau_syn; the network has one")
+    return hidden, readout, _blocks(hidden, recurrent[:-1]), input_scale
+
+
+def _blocks(layers: list[Layer], recurrent: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return the recurrent weights of a stack: those of each layer, and those from each layer to the next."""
+    ends = np.cumsum([len(layer.decay) for layer in layers]).tolist()
+    found = np.zeros((ends[-1], ends[-1]))
+    start = 0
+    for layer, own, end in zip(layers, recurrent, ends, strict=True):
+        found[start:end, start:end] = own
+        if start:
+            found[start:end, start - layer.weight.shape[1] : start] = layer.weight
+        start = end
+    return found
 
 
 def _folded(node: nir.NIRNode) -> float:
@@ -268,17 +317,19 @@ def _folded(node: nir.NIRNode) -> float:
 
 
 def _config_of(
-    hidden: Layer, readout: Layer, input_scale: float, header: dict[str, Any] | None
+    hidden: list[Layer], readout: Layer, input_scale: float, header: dict[str, Any] | None
 ) -> tuple[NetworkConfig, Sequence[str]]:
     """Return configuration and class names from the metadata, after checking them against the nodes."""
-    synapses = {"synapse_decay": hidden.synapse_decay, "output_synapse_decay": readout.synapse_decay}
+    sizes = tuple(len(layer.decay) for layer in hidden)
+    synapses = {"synapse_decay": hidden[0].synapse_decay, "output_synapse_decay": readout.synapse_decay}
     found = synapses | {
-        "inputs": hidden.weight.shape[1],
-        "hidden": len(hidden.decay),
+        "inputs": hidden[0].weight.shape[1],
+        "hidden": sum(sizes),
+        "layers": sizes if len(sizes) > 1 else (),
         "classes": len(readout.decay),
         "input_scale": input_scale,
-        "floor": hidden.floor,
-        "reset": hidden.reset,
+        "floor": hidden[0].floor,
+        "reset": hidden[0].reset,
         "readout": "spikes" if readout.fires else "membrane",
     }
     if header is None:
@@ -299,15 +350,17 @@ def _config_of(
     return config, names
 
 
-def _decay_fields(hidden: Layer, readout: Layer) -> dict[str, Any]:
-    """Return the decay fields of NetworkConfig; decays that vary within a layer become learned ones."""
-    differ = [layer for layer in (hidden, readout) if np.ptp(layer.decay)]
-    for layer in (hidden, readout) if differ else ():
+def _decay_fields(hidden: list[Layer], readout: Layer) -> dict[str, Any]:
+    """Return the decay fields of NetworkConfig; decays that vary among hidden or output neurons become learned ones."""
+    common = hidden[0].decay[0]
+    differ = [layer for layer in hidden if (layer.decay != common).any()]
+    differ += [readout] if np.ptp(readout.decay) else []
+    for layer in (*hidden, readout) if differ else ():
         if (layer.decay == 1).any():
             raise InputError(
                 f"node {layer.name!r} has no leak, while those of {differ[0].name!r} differ; give it a long tau"
             )
-    return {"decay": float(hidden.decay[0]), "output_decay": float(readout.decay[0]), "learn_decay": bool(differ)}
+    return {"decay": float(common), "output_decay": float(readout.decay[0]), "learn_decay": bool(differ)}
 
 
 def _header(graph: nir.NIRGraph) -> dict[str, Any] | None:

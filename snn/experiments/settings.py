@@ -21,7 +21,7 @@ VARIANTS = {encoder.name: ("", "on") if encoder.polarity else ("",) for encoder 
 def parse_settings(texts: list[str], option: str = "--set") -> dict[str, Any]:
     """Return the network and training parameters for ``name=value`` texts."""
     hints = get_type_hints(TrainConfig) | get_type_hints(NetworkConfig)
-    for name in ("inputs", "classes", "epochs"):
+    for name in ("inputs", "classes", "epochs", "layers"):
         del hints[name]
     found: dict[str, Any] = {}
     for text in texts:

@@ -11,6 +11,8 @@ from eskin.base.configuration import Configuration
 from eskin.base.errors import InputError
 
 NeuronReset = Literal["zero", "subtract"]
+NetworkReset = Literal["zero", "subtract", "delayed"]
+"""Resets of a network; a delayed reset subtracts the threshold one step later, after the leak, as snnTorch does."""
 
 SURROGATES = ("gaussian", "fast-sigmoid", "triangle", "arctan")
 """Shapes of the derivative, in the order of the switch in cpu.cpp."""

@@ -76,19 +76,22 @@ def import_(
     out: Path = out_file(..., "WEIGHTS.npz", "archive to write"),
     step: float | None = opt(None, "SECONDS", "time step, if the file has none"),
     classes: str | None = opt(None, "A,B,...", "names of the outputs [those in the file, or numbers]"),
-    reset: str | None = opt(None, "zero|subtract", "effect of a spike, if the file has none [zero]"),
+    reset: str | None = opt(None, "zero|subtract|delayed", "effect of a spike, if the file has none [zero]"),
 ) -> None:
     """Import a network from a NIR graph."""
     if out.suffix != ".npz":
         raise InputError(f"weight files end in .npz, but {out.name} does not; rename the output")
-    from eskin.snn.exchange.nir_network import load_nir
+    from eskin.snn.exchange.nir_network import assumption, load_nir
     from eskin.snn.exchange.weights import config_of, save_weights
 
     loaded = load_nir(graph, step, None if classes is None else classes.split(","), reset)
     save_weights(out, loaded)
     network = config_of(loaded.network)
     names = printable(", ".join(loaded.class_names))
-    echo(f"{out}: {network.inputs} inputs, {network.hidden} hidden neurons, classes {names}")
+    layers = f" in layers of {', '.join(map(str, network.layers))}" if network.layers else ""
+    echo(f"{out}: {network.inputs} inputs, {network.hidden} hidden neurons{layers}, classes {names}")
+    if reset is None and (said := assumption(graph, loaded)):
+        echo(said)
 
 
 @command(
