@@ -63,8 +63,8 @@ def predict(
     from eskin.skin.foreign.address_map import AddressMap
     from eskin.skin.foreign.files import is_foreign
     from eskin.snn.data.recordings import event_files, read_recordings
+    from eskin.snn.exchange.neurobench import measure
     from eskin.snn.experiments import evaluate as work
-    from eskin.snn.experiments.metrics import measure
     from eskin.snn.experiments.trained import load_trained
 
     torch.set_num_threads(1)

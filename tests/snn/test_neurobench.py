@@ -6,7 +6,7 @@ import torch
 
 from eskin.base.errors import InputError
 from eskin.snn.data.scans import ScanData
-from eskin.snn.experiments.metrics import measure
+from eskin.snn.exchange.neurobench import measure
 from eskin.snn.network import SpikingNetwork, build
 from eskin.snn.network_config import NetworkConfig
 from tests.snn.helpers import easy_data, small_network
