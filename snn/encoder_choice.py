@@ -15,6 +15,7 @@ from eskin.model.cases import cases
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.taxel import encode_timed
+from eskin.skin.recordings.event_files import bin_of_spectrum
 from eskin.skin.recordings.fitting import Fit, with_seconds
 from eskin.skin.recordings.folder import negative_part_lost
 from eskin.skin.recordings.options import PER_TAXEL, Baseline, Preparation
@@ -110,13 +111,14 @@ class EncoderChoice(Fit):
         if np.bincount(labels).min() < 2 or len(set(labels.tolist())) < 2:
             judged_of = {options: codes[some] for options, codes in recordings.items()}
             return super().choose(config, given, classes, groups, judged_of, progress)
+        bin_s = min(BinConfig().bin_s, bin_of_spectrum(next(iter(recordings.values()))[some], config.sample_rate_hz))
         parts, scores = _parts(labels, list(groups)[some]), list[dict[str, Any]]()
 
         def ranked(candidates: Sequence[tuple[Preparation, ReadoutConfig]], number: int) -> list[Judged]:
             """Return the scores of a round, the best first."""
             found, part, updates = [], parts[number % len(parts)], UPDATES[number]
             for place, (options, tried) in enumerate(candidates):
-                scans, bps = _scans(tried, recordings[options][some], labels)
+                scans, bps = _scans(tried, recordings[options][some], labels, bin_s)
                 wrong, loss = _short_training(scans, part, updates)
                 found.append(Judged(wrong, loss, place, bps, options, tried))
                 said: dict[str, Any] = {
@@ -172,10 +174,10 @@ def _candidates(config: ReadoutConfig, given: Collection[str], tau_s: float | No
 
 
 def _scans(
-    config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]], labels: NDArray[np.int64]
+    config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]], labels: NDArray[np.int64], bin_s: float
 ) -> tuple[ScanData, float]:
     """Return the event counts of recordings in time bins, and their bit/s."""
-    ticks = max(round(BinConfig().bin_s * config.sample_rate_hz), 1)
+    ticks = max(round(bin_s * config.sample_rate_hz), 1)
     scans, events = [], 0
     for codes in recordings:
         counts, _ = encode_timed(config, codes)

@@ -24,22 +24,19 @@ def main() -> None:
         panel.axhline(100 * goals[kind], color=GREY, lw=1, ls=":")
         panel.annotate("target", (0, 100 * goals[kind]), (3, 3), panel.get_yaxis_transform(), "offset points",
                        fontsize=8, color=GREY)  # fmt: skip
-        panel.set_xlim(0.8, 2.2)
-        for point in report["points"]:
+        panel.set_xlim(0.8, 2.9)
+        for point in [*report["points"], *report["level"]["points"]]:
+            kept = "statistic" not in point
             style, above = look(point["readout"]), 2 + (point["readout"] != "frame")
             rate = 1e-3 * point["bits_per_s"]
-            label = f"{name_of(point)}: {rate:.2f} kb/s"
-            for predicted, filling, shown in (
-                (point["network"], style.colour, {"label": label}),
-                ([point["statistic"]], "white", {}),
-            ):
-                reached = accuracies(report, predicted)
-                if kind in reached:
-                    panel.plot(rate, 100 * reached[kind], style.marker, color=style.colour, mfc=filling, ms=7,
-                               zorder=above, **shown)  # fmt: skip
+            label = f"{name_of(point)}{', level' if kept else ''}"
+            reached = accuracies(report, point["network"])
+            place = (rate, 100 * reached[kind]) if kind in reached else ([], [])
+            panel.plot(*place, style.marker, color=style.colour, mfc=style.colour if kept else "white", ms=7,
+                       zorder=above, label=label)  # fmt: skip
     first = next(iter(panels.values()))
     first.set_ylabel("accuracy (%)", fontsize=8.5)
-    words = "filled: spiking network; open: logistic regression on statistics"
+    words = "filled: the level is kept; open: the first value is subtracted"
     legend_below(figure, first.get_legend_handles_labels(), 3, words)
     save_figure(figure, HERE.with_suffix(".png"))
 

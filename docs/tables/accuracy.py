@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from docs.tables.finger import finger_played, finger_reached
+from docs.tables.finger import finger_level_values, finger_played
 from docs.tables.frontier import BIPOLAR_LEAKY, FRAMES_LEAKY, LCS_LEAKY, at, frontier_chip
 from docs.tables.power import power_rows
 from docs.tables.verification import replayed
@@ -132,9 +132,9 @@ def headline() -> Rows:
     rtl = f"leaky network, 12 taxels, bipolar N-LCS 2 b, {rtl} |  | {{row:%}}, {{mismatches}} mismatches"
     yield filled(rtl, frontier_chip("nlcs-bipolar:2"))
     finger = "[finger](docs/results/finger.md)"
-    for name, of in (("lcs_6", "LCS 6 b"), ("nlcs_bipolar_5", "bipolar N-LCS 5 b"), ("frame_12_22_9", "frames")):
-        words = f"{finger} at new speeds, {of} ({{kbps:.2f}} kb/s) |  | {{speeds:.1f}} %"
-        yield filled(words, finger_reached()[name])
+    for name, of in (("lcs_7", "LCS 7 b"), ("nlcs_4", "N-LCS 4 b"), ("frame_12_22_9", "frames")):
+        words = f"{finger}, other repetition, level kept, {of} ({{kbps:.2f}} kb/s) |  | {{repetition:.1f}} %"
+        yield filled(words, finger_level_values()[name])
     played = f"{finger}, other repetition, {{name}}, classified by the RTL |  | "
     yield filled(played + "{right} of {labelled} (float: {right_float}), {mismatches} mismatches", finger_played())
     yield from power_rows()[:2]

@@ -30,7 +30,7 @@ KEPT = Path("out/recordings")  # folder of the event files that commands encode 
 SEGMENT, BANDS = 64, 16
 """Samples of a segment of the spectrum (Welch, half overlapping, Hann), and bands into which its lines are averaged."""
 
-BIN_SEGMENT, SPECTRUM = 256, 0.95
+BIN_SEGMENT, SPECTRUM = 256, 0.9
 """Samples of a segment of the spectrum that sets a time bin, and the share of its power up to its edge."""
 
 _FILE = "signals.codes"  # file of codes: an archive like ``.npz``, without the ending of event files
@@ -132,16 +132,14 @@ def seconds_of(folder: Path) -> NDArray[np.float64] | None:
     return np.array([len(one) / rate_hz for one in codes.values()])
 
 
-def bin_of_spectrum(folder: Path, names: Sequence[str]) -> float:
-    """Return a time bin in seconds for the named recordings: a quarter period of the frequency below which
-    ``SPECTRUM`` of the power of their signals lies, without their means, in whole sample periods."""
+def bin_of_spectrum(signals: Sequence[NDArray[Any]], rate_hz: float) -> float:
+    """Return a time bin in seconds for signals, shape (ticks, taxels): whole sample periods, nearest to a quarter
+    period of the frequency below which ``SPECTRUM`` of their power lies, without their means."""
     from scipy.signal import welch
 
-    codes, rate_hz = signals_of(folder)
     power = np.zeros(BIN_SEGMENT // 2 + 1)
-    for name in names:
-        signal = codes[name] - codes[name].mean(0)
-        filled = np.pad(signal, ((0, max(BIN_SEGMENT - len(signal), 0)), (0, 0)))
+    for signal in signals:
+        filled = np.pad(signal - signal.mean(0), ((0, max(BIN_SEGMENT - len(signal), 0)), (0, 0)))
         power += welch(filled, nperseg=BIN_SEGMENT, axis=0)[1].sum(1)
     share = np.cumsum(power) / max(power.sum(), np.finfo(float).tiny)
     edge_hz = rate_hz * max(int(np.searchsorted(share, SPECTRUM)), 1) / BIN_SEGMENT

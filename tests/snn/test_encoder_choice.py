@@ -118,7 +118,7 @@ def test_short_trainings_see_the_bins_of_the_real_ones(folder: Path) -> None:
     config, given = ReadoutConfig(resolution=5, clocks_per_sample=4096), ("encoding", "resolution", "clocks_per_sample")
     found = read_set(Path("skin"), FIRST, config, given)
     events = load_recordings(events_of(Path("skin"), {}, config, given), BinConfig())
-    scans, bps = _scans(found.config, found.codes, events.labels)
+    scans, bps = _scans(found.config, found.codes, events.labels, BinConfig().bin_s)
     assert np.array_equal(scans.values, events.values)
     assert bps == pytest.approx(events.rate_hz * found.config.event_bits)
 

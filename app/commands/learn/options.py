@@ -136,7 +136,7 @@ class Maker:
         Where the user sets neither, they differ in time bins and learned decays. The training recordings ``names`` set
         time bins and, without ``--epochs``, the epochs. Other experiments than those of ``--data`` do not vary.
         """
-        from eskin.skin.recordings.event_files import bin_of_spectrum, seconds_of
+        from eskin.skin.recordings.event_files import bin_of_spectrum, seconds_of, signals_of
         from eskin.snn.experiments.recipes import UPDATES, epochs_for, for_recordings
         from eskin.snn.experiments.settings import parse_settings
         from eskin.snn.training import parted
@@ -154,7 +154,8 @@ class Maker:
         settings = parse_settings(self.values["settings"] or [])
         bins = [made.bins.bin_s]
         if self.values["bin_s"] is None:
-            other = bin_of_spectrum(folder, names)
+            codes, rate_hz = signals_of(folder)
+            other = bin_of_spectrum([codes[name] for name in names], rate_hz)
             bins += [other] if max(other / bins[0], bins[0] / other) > OTHER_BIN else []
         found = []
         for learned in [False] if recipe != "skin" or "learn_decay" in settings else [False, True]:
