@@ -9,8 +9,10 @@ from eskin.board.bitstream.build import Built
 from eskin.model.classifier.config import ClassifierConfig, bits_of
 
 MAX_LUTS = 1600
+MAX_OWN_LUTS = 1700
 MAX_BLOCKS = {8: 49, 4: 25}
-"""Targets for the classifier 128-256-6: LUT4 without multipliers, and block RAMs by the bits of a weight."""
+"""Targets for the classifier 128-256-6: LUT4 without multipliers, with own parameters, and block RAMs by the bits of a
+weight; own parameters take one more."""
 
 
 @dataclass(frozen=True)
@@ -37,20 +39,25 @@ def clock_aim(built: Built) -> Aim:
     )
 
 
-def classifier_aims(built: Built, bits: int) -> list[Aim]:
+def classifier_aims(built: Built, bits: int, own: bool = False) -> list[Aim]:
     """Return the classifier's resources and their targets."""
-    aims = [clock_aim(built), Aim("LUT4 (at most)", built.luts, MAX_LUTS, built.luts <= MAX_LUTS)]
+    luts = MAX_OWN_LUTS if own else MAX_LUTS
+    aims = [clock_aim(built), Aim("LUT4 (at most)", built.luts, luts, built.luts <= luts)]
     if bits in MAX_BLOCKS:
-        most = MAX_BLOCKS[bits]
+        most = MAX_BLOCKS[bits] + own
         aims.append(Aim("block RAMs (at most)", built.blocks, most, built.blocks <= most))
     return aims
 
 
-def plain_classifier(bits: int) -> ClassifierConfig:
-    """Return the configuration of a classifier 128-256-6 with a given weight width, as ``eskin quantise`` makes it."""
+def plain_classifier(bits: int, own: bool = False) -> ClassifierConfig:
+    """Return the configuration of a classifier 128-256-6 with a given weight width, as ``eskin quantise`` makes it.
+
+    ``own``: with a threshold and a leak for each neuron.
+    """
     shift = max(6 - bits, 0)  # the unit of the potential is finer than a coarse weight
     fields: dict[str, Any] = dict.fromkeys(("in_bits", "rec_bits", "out_bits"), bits)
     fields |= dict.fromkeys(("in_shift", "rec_shift", "out_shift"), shift)
+    fields["own_parameters"] = own
     rough = ClassifierConfig(**fields, floor=-256, out_floor=-256, leak_shift=2, membrane_bits=32, output_bits=32)
     return rough.replace(
         membrane_bits=rough.narrow_bits, output_bits=int(bits_of(rough.output_range)), evidence_bits=11

@@ -94,23 +94,7 @@ def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
     arrays = {name: value.detach().cpu().double().numpy() for name, value in network.named_parameters()}
     _check(network, arrays)
     notes: dict[str, Any] = {}
-    decays = [values.detach().cpu().double().numpy() for values in network.decays()]
-    synapses = [np.array([value]) for value in (config.synapse_decay, config.output_synapse_decay)]
-    decay_bits = SYNAPTIC_DECAY_BITS if precision.decay_bits is None and any(synapses) else precision.decay_bits
-    own = any(np.ptp(values) > SAME_DECAY for values in decays)
-    if own and precision.decay_bits is not None:
-        raise InputError("decays of each neuron become shifts; leave --decay-bits out")
-    leaks: dict[str, Any] = {"own_parameters": own}
-    shifts: dict[str, NDArray[np.int64]] = {}
-    for (name, place), values in zip(DECAYS.items(), [*decays, *synapses], strict=True):
-        if "synapse" in name and not values[0]:
-            continue
-        if own and "synapse" not in name:
-            shifts[place], notes[name] = _own_leaks(values)
-            continue
-        leak, notes[name] = _leak(float(values.mean()), decay_bits)
-        leaks |= {f"{place}_shift": leak.shift, f"{place}_factor": leak.factor}
-
+    leaks, shifts = _leaks(network, precision, notes)
     w_in, w_rec, w_out = arrays["w_in"].T * config.input_scale, arrays["w_rec"].T, arrays["w_out"].T
     in_grid, rec_grid = related_grids((w_in, w_rec), (precision.in_bits, precision.rec_bits))
     out_grid = grid_of(w_out, precision.out_bits)
@@ -183,6 +167,30 @@ def _check(network: SpikingNetwork, arrays: dict[str, NDArray[np.float64]]) -> N
     floor = network.config.floor
     if floor > 0:
         raise InputError(f"the hardware needs a floor of at most 0, but the network has {floor:g}")
+
+
+def _leaks(
+    network: SpikingNetwork, precision: Precision, notes: dict[str, Any]
+) -> tuple[dict[str, Any], dict[str, NDArray[np.int64]]]:
+    """Return the leak fields of the hardware, and the leak shift of each neuron if decays differ; add their notes."""
+    config = network.config
+    decays = [values.detach().cpu().double().numpy() for values in network.decays()]
+    synapses = [np.array([value]) for value in (config.synapse_decay, config.output_synapse_decay)]
+    decay_bits = SYNAPTIC_DECAY_BITS if precision.decay_bits is None and any(synapses) else precision.decay_bits
+    own = any(np.ptp(values) > SAME_DECAY for values in decays)
+    if own and precision.decay_bits is not None:
+        raise InputError("decays of each neuron become shifts; leave --decay-bits out")
+    leaks: dict[str, Any] = {"own_parameters": own}
+    shifts: dict[str, NDArray[np.int64]] = {}
+    for (name, place), values in zip(DECAYS.items(), [*decays, *synapses], strict=True):
+        if "synapse" in name and not values[0]:
+            continue
+        if own and "synapse" not in name:
+            shifts[place], notes[name] = _own_leaks(values)
+            continue
+        leak, notes[name] = _leak(float(values.mean()), decay_bits)
+        leaks |= {f"{place}_shift": leak.shift, f"{place}_factor": leak.factor}
+    return leaks, shifts
 
 
 def _leak(decay: float, bits: int | None) -> tuple[Leak, dict[str, float]]:

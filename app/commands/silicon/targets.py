@@ -52,6 +52,7 @@ def fpga(
     alone: int | None = opt(
         None, "BITS", "build only the classifier 128-256-6 with weights of BITS, on an ECP5-25", min=2, max=8
     ),
+    own: bool = opt(False, "--own", "with --alone: each neuron has a threshold and a leak of its own"),
     adc: str | None = opt(None, "PART", "read a skin at the board: mcp3008, mcp3208 or ads7953"),
     settle: float = opt(5e-6, "SECONDS", "from a row's drive to its first column"),
     baud: int = opt(2_000_000, "bits per second of the serial line"),
@@ -68,9 +69,9 @@ def fpga(
     if sum((receiver, weights is not None, alone is not None)) > 1:
         raise InputError("--weights, --receiver and --alone each choose a design; give one of them")
     if alone is not None:
-        name, built = f"classifier-{alone}b", build_classifier(report.plain_classifier(alone))
-        said = {"design": "classifier"} | origin(common.make_line("fpga", ALONE=alone))
-        aims = report.classifier_aims(built, alone)
+        name, built = f"classifier-{alone}b{'-own' * own}", build_classifier(report.plain_classifier(alone, own))
+        said = {"design": "classifier"} | origin(common.make_line("fpga", ALONE=alone, OWN=own))
+        aims = report.classifier_aims(built, alone, own)
     else:
         sensor = SensorConfig(part=cast(PartName, adc), settle_s=settle) if adc else None
         config = design_of(weights, receiver, board, baud, sensor)
