@@ -17,6 +17,7 @@ HUGE = "1" + "0" * 400
 
 REFUSED = {
     "sim --ticks 0": "--ticks must be in 1..1e+12, not 0\n",
+    "verilog -o v --leak-period 5": "--leak-period has no effect with --encoding lcs; ",
     "train --start -1e19": "--start must be in -9.22337e+18..9.22337e+18, not -1e+19\n",
     "sim --textures 1000000001": "--textures must be in 0..1e+09, not 1000000001\n",
     "replay --workers 0": "--workers must be in 1..4096, not 0\n",

@@ -7,7 +7,8 @@ import pytest
 from eskin.model.cases import axes, singles, values_of
 from eskin.model.config import ReadoutConfig
 from eskin.rtl import yosys
-from eskin.rtl.text.fold import LONGEST, fold
+from eskin.rtl.text.expression import Node
+from eskin.rtl.text.fold import LONGEST, _bits_of, fold
 from eskin.rtl.verilog import Config, top_block, verilog
 from eskin.verify.proofs.delivered import prove
 
@@ -106,3 +107,11 @@ def test_a_wire_is_declared_before_its_first_use() -> None:
     assert uses
     assert declared < min(uses)
     assert sorted(lines) == sorted(line.replace("~ a", "~a") for line in LATE.splitlines())
+
+
+def test_a_constant_has_as_many_bits_as_it_says() -> None:
+    number = Node("number", "5'h1a")
+    bits = [("", bit) for bit in (0, 1, 0, 1, 1)]
+    assert _bits_of(number, {}) == bits
+    joined = Node("join", "", (number, Node("slice", "x", (), 3, 2)))
+    assert _bits_of(joined, {}) == [("x", 2), ("x", 3), *bits]
