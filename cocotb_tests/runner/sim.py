@@ -4,7 +4,8 @@ import dataclasses
 import itertools
 import re
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,13 +17,14 @@ from eskin.base.configuration import option_of
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write, make_folder
 from eskin.base.progress import reported
+from eskin.base.workers.engine import Local, each
 from eskin.cocotb_tests.bench.stimuli import scenario_count, settled
 from eskin.cocotb_tests.runner.chunk import Scans, retry_after_crash
 from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 from eskin.cocotb_tests.runner.inputs import Inputs, Textures, named
 from eskin.cocotb_tests.runner.process import Tally, play_runs, scenario_runs
 from eskin.cocotb_tests.runner.reproduce import options, reproduce
-from eskin.cocotb_tests.runner.simulator import build, require_programs
+from eskin.cocotb_tests.runner.simulator import NotBuilt, build, require_programs
 from eskin.model.address_events import Events
 from eskin.model.config import NO_LOGIC, ReadoutConfig
 from eskin.model.events.recording import Recording
@@ -174,14 +176,49 @@ def configuration_hint(config: ReadoutConfig) -> str:
     return f"the model has {held}; if your Verilog has another configuration, give its options or --config FILE.json"
 
 
-def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_stage: Callable[[str], None]) -> Tally:
+@contextmanager
+def built_ahead(plan: Plan, configs: Iterable[ReadoutConfig]) -> Iterator[Callable[[ReadoutConfig], None]]:
+    """Build the missing programs in processes, while earlier ones play; yield a function that waits for a program."""
+    missing = []
+    for config in configs:
+        try:
+            build(config, plan.simulator, waves=plan.waves, existing=True)
+        except NotBuilt:
+            missing.append(config)
+    if len(missing) < 2:
+        yield lambda config: None
+        return
+    with Local() as pool:
+        built = each(pool, _build, ((config, plan.simulator, plan.waves) for config in missing))
+
+        def wait(config: ReadoutConfig) -> None:
+            while config in missing:
+                next(built)
+                missing.pop(0)
+
+        yield wait
+
+
+def _build(config: ReadoutConfig, simulator: Simulator, waves: bool) -> None:
+    build(config, simulator, waves=waves)
+
+
+def play(
+    plan: Plan,
+    config: ReadoutConfig,
+    on_run: Callable[[Any], None],
+    on_stage: Callable[[str], None],
+    wait: Callable[[ReadoutConfig], None] = lambda config: None,
+) -> Tally:
     """Simulate all runs of a configuration, and return the totals.
 
-    ``on_run`` is called with each finished run, and ``on_stage`` with what begins. A user's Verilog that cannot be
+    ``on_run`` is called with each finished run, and ``on_stage`` with what begins. ``wait`` waits for a program that is
+    being built. A user's Verilog that cannot be
     built, or that ends the simulation, is an InputError.
     """
     on_stage(f"building for {plan.simulator}")
     with reported(f"building {config.rows} x {config.columns} taxels for {plan.simulator}"):
+        wait(config)
         program = build(config, plan.simulator, waves=plan.waves, text=plan.text, macros=plan.macros)
     repeat_command = plan.reproduce(config)
     own = {"ticks": plan.ticks, "skip": plan.names[1:]}

@@ -77,6 +77,10 @@ class SimulationDied(AssertionError):  # it may be done again
     """Raised if a simulation crashed or was killed."""
 
 
+class NotBuilt(Exception):  # a question, whose answer is no
+    """Raised if a program is not there."""
+
+
 @dataclass(frozen=True, eq=False)
 class Build:
     """A simulation program for a top, a configuration and a simulator; equal sources reuse its folder."""
@@ -155,6 +159,7 @@ def build(
     hierarchical: bool | None = None,
     text: str = "",
     macros: dict[str, str] | None = None,
+    existing: bool = False,
 ) -> Build:
     """Return the simulation program of a configuration, built if necessary.
 
@@ -173,6 +178,8 @@ def build(
         Verilog to simulate instead of the configuration's own: its netlist, with the cells that it is made of.
     macros : dict of str to str, optional
         Further macros of the harness, for a text written by somebody else, which then sees no macro of the harness.
+    existing : bool
+        Raise NotBuilt instead of building.
     """
     require_programs(simulator)
     tools = _instruments.get()
@@ -200,6 +207,8 @@ def build(
     if is_private(private_folder(folder.parent) / folder.name) and (folder / "built").exists():
         (folder / "built").touch()
         return program
+    if existing:
+        raise NotBuilt(folder.name)
     if folder.exists() and not is_private(folder):  # another user may have written it
         shutil.rmtree(folder, ignore_errors=True)
     # Built beside its place and moved there whole, so that an interrupted build leaves nothing half done and two

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -72,9 +73,10 @@ def sim(
             f"{plan.runs(config) - len(plan.names)} scenarios and {len(plan.names)} scans for each of "
             f"{', '.join(encodings)}"
         )
-        with bars() as show:
-            for encoding in encodings:
-                _play(plan, config.replace(encoding=encoding), show, total, bool(dut))
+        configs = [config.replace(encoding=encoding) for encoding in encodings]
+        with bars() as show, session.built_ahead(plan, configs if not dut else ()) as wait:
+            for one in configs:
+                _play(plan, one, show, total, bool(dut), wait)
     else:
         session.check_own(simulator, textures, ticks)
         for encoding in encodings:
@@ -90,7 +92,14 @@ def sim(
     print(result)
 
 
-def _play(plan: Plan, config: ReadoutConfig, show: Any, total: Tally, foreign: bool = False) -> None:
+def _play(
+    plan: Plan,
+    config: ReadoutConfig,
+    show: Any,
+    total: Tally,
+    foreign: bool = False,
+    wait: Callable[[ReadoutConfig], None] = lambda config: None,
+) -> None:
     """Run scenarios, scans or recordings on the RTL or on a user's readout; exit with 1 at the first difference."""
     from eskin.cocotb_tests.runner import sim as session
     from eskin.cocotb_tests.runner.process import MismatchFound
@@ -109,7 +118,7 @@ def _play(plan: Plan, config: ReadoutConfig, show: Any, total: Tally, foreign: b
         covered.extend([run["covered"]] if "covered" in run else [])
 
     try:
-        total += session.play(plan, config, finished, lambda stage: say(f"{config.encoding}: {stage}"))
+        total += session.play(plan, config, finished, lambda stage: say(f"{config.encoding}: {stage}"), wait)
     except MismatchFound as mismatch:
         equal = False
         total += mismatch.before
