@@ -4,14 +4,7 @@ from itertools import groupby
 from typing import Any
 
 from docs.tables.write import Rows, read
-
-EVIDENCE = {
-    "proved": ("formal", "properties of the RTL, for any number of clocks"),
-    "covered": ("coverage", "lines, branches and toggles of the Verilog; points of the specification"),
-    "faults": ("faults", "upsets of every flop, and hostile inputs"),
-    "hostile input": ("fuzz", "damaged files and out-of-range options"),
-}
-"""Reports in docs/data/verification that the sign-off lists, by name, with a description."""
+from eskin.verify.signoff import PUBLISHED, rows
 
 
 def evidence(name: str) -> dict[str, Any]:
@@ -21,26 +14,9 @@ def evidence(name: str) -> dict[str, Any]:
     return dict(report[part] if part else report)
 
 
-ATTACKS = {
-    "files": "damaged files",
-    "options": "values of options",
-    "liberty": "cell libraries",
-    "boards": "packets of a board, with right checksums",
-    "state": "stored progress of long runs",
-    "outputs": "output paths",
-    "folders": "folders with special files",
-}
-"""Attacks of the fuzz campaign, by their name in its data."""
-
-
 def signoff() -> Rows:
     """Yield every kind of evidence with its latest result."""
-    for kind, (name, what) in EVIDENCE.items():
-        report = evidence(name)
-        if name == "fuzz":
-            cases, wrong = (sum(report[of][key] for of in ATTACKS if of in report) for key in ("cases", "wrong"))
-            report["result"] = f"fuzz: {cases:,} cases, {wrong} wrong"
-        yield report | {"kind": kind, "what": what}
+    return rows(PUBLISHED)
 
 
 def proof_mutants() -> dict[str, int]:

@@ -211,7 +211,7 @@ def test_the_study_writes_outcomes_and_a_figure(folder: Path, monkeypatch: pytes
     assert found["result"] == "faults: 250 upsets, 0 of them for good, 2 hostile runs, 0 beyond what is stated"
     assert {line["block"] for line in found["blocks"]} == {"arbiter", "taxel"}
     assert figure.stat().st_size > 10_000
-    monkeypatch.setattr("studies.faults.run_trial", None)
+    monkeypatch.setattr("eskin.verify.faults.run.run", None)
     data.unlink()
     RESULT.make("faults", folder)
     assert {name: value for name, value in json.loads(data.read_text()).items() if name in found} == found, "resumed"

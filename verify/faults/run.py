@@ -1,17 +1,23 @@
 """Run a fault injection trial, and compare the outcomes with the documented limits."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
+from eskin.base.workers.engine import Needs, Pool, each
+from eskin.base.workers.store import Store
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.model.tiles.config import TilesConfig
 from eskin.verify.faults import classifier, host, merge
 from eskin.verify.faults import frame_readout as frames
+from eskin.verify.faults.cases import cases
 from eskin.verify.faults.outcomes import CLASSES, NEVER, WRITTEN, Upset, upsets
 from eskin.verify.faults.plan import Trial, most_changed, most_off, most_ticks
+
+NEEDS = Needs(packages=("base", "model", "rtl", "verify.faults"))
+"""Packages and libraries that determine the results."""
 
 MOST = ("own_clocks", "other_clocks", "ticks", "lost", "added", "off")
 """Fields of a bit flip of which a result stores the largest value."""
@@ -69,3 +75,38 @@ def _line(trial: Trial, block: str, found: list[Upset]) -> dict[str, Any]:
     numbers = {"flops": len({upset.flop for upset in found}), "upsets": len(found)}
     most = {name.replace("_", " "): max((getattr(upset, name) for upset in found), default=0) for name in MOST}
     return {"block": block, "trial": trial.name, **numbers, **{name: outcomes[name] for name in CLASSES}, **most}
+
+
+Part = Trial | ReadoutConfig
+"""A trial of bit flips, or a readout with hostile inputs."""
+
+
+def outcomes_of(part: Part) -> dict[str, Any]:
+    """Return outcomes of a trial by block with effects beyond the stated limits, or results of hostile inputs."""
+    if isinstance(part, Trial):
+        blocks, problems = run(part)
+        return {"blocks": blocks, "cases": [], "problems": problems}
+    readout, met = f"{part.rows} x {part.columns}, {part.encoding}, {part.link}, {part.frontend}", []
+    for case in cases(part):
+        good, runs = case.holds(part)
+        met.append({"case": case.name, "stated": case.stated, "readout": readout, "runs": runs, "as stated": good})
+    return {"blocks": [], "cases": met, "problems": []}
+
+
+def campaign(parts: Iterable[Part], pool: Pool, store: Store, say: Callable[[str], object]) -> dict[str, Any]:
+    """Return the outcomes of trials and hostile inputs with a line on all; ``say`` is called with a line on each."""
+    found: dict[str, list[Any]] = {"blocks": [], "cases": [], "problems": []}
+    for piece in each(pool, outcomes_of, ((part,) for part in parts), store=store, name=str):
+        for kind, lines in found.items():
+            lines += piece[kind]
+        if piece["blocks"]:
+            trial, flips = piece["blocks"][0]["trial"], sum(line["upsets"] for line in piece["blocks"])
+            say(f"{trial:<70}{flips:>8} upsets{len(piece['problems']):>4} problems")
+        for case in piece["cases"]:
+            say(f"{case['readout']:<36}{case['case']:<42}{case['as stated']:>4} of {case['runs']} as stated")
+    flips, never = (sum(line[name] for line in found["blocks"]) for name in ("upsets", NEVER))
+    runs, good = (sum(line[name] for line in found["cases"]) for name in ("runs", "as stated"))
+    result = f"faults: {flips} upsets, {never} of them for good, {runs} hostile runs, "
+    result += f"{len(found['problems']) + runs - good} beyond what is stated"
+    say(result)
+    return {"result": result, **found}
