@@ -77,3 +77,9 @@ def udp() -> dict[str, Any]:
     report = read("benchmarks/results/udp.json")
     latency = report["result"]["host_latency_ms"]
     return report | report["result"] | {"median": latency["median"], "late": latency["99 %"]}
+
+
+def engine() -> Rows:
+    """Yield the tasks of each kind of long work, and the speed-up of more workers."""
+    for found in bench("engine"):
+        yield found | {f"of_{workers}": speed_up for workers, speed_up in found["speed_up"].items()}
