@@ -169,7 +169,7 @@ def transconductance(f: FrontEnd) -> float:
     return (found["a"] - found["b"]) / 2e-3
 
 
-def noise(f: FrontEnd, inputs_v: tuple[float, ...] = (-0.4e-3, 0.0, 0.4e-3), copies: int = 60) -> Data:
+def noise(f: FrontEnd, inputs_v: tuple[float, ...] = (-0.4e-3, 0.0, 0.4e-3), copies: int = 40) -> Data:
     """Return the input-referred noise of a comparator: the shares of high answers, fitted by a Gaussian.
 
     White noise currents of 4 k T gamma gm flow through the two input transistors, with the gm of their first moment:

@@ -45,7 +45,7 @@ SEED = 1
 NEEDS = Needs(("base", "model", "rtl", "cocotb_tests", "analog"), ("numpy", "scipy"))
 
 
-def comparator(front_end: FrontEnd, samples: int = 30) -> Data:
+def comparator(front_end: FrontEnd, samples: int = 20) -> Data:
     """Return energy, offset, noise, delay, kick-back and linearity, and energy and delay at the corners."""
     taxel, one_side = Taxel(front_end, CONFIG), Taxel(front_end, CONFIG.replace(encoding="nlcs"))
     store, key = work_of("analog", NEEDS), digest(front_end.to_dict())
@@ -130,6 +130,7 @@ def main() -> None:
     parser = argparse.ArgumentParser("python -m studies.analog", description=__doc__)
     parser.add_argument("--out", type=Path, default=OUT, metavar="DIR", help=f"folder for data and figures [{OUT}]")
     parser.add_argument("--comparator", type=Path, metavar="FILE", help="netlist of another comparator")
+    parser.add_argument("--loops", action="store_true", help="play a touch with the Verilog of each encoder; minutes")
     options = parser.parse_args()
     try:
         front_end = FrontEnd()
@@ -137,10 +138,11 @@ def main() -> None:
             if not options.comparator.is_file():
                 raise InputError(f"{options.comparator} does not exist; give a netlist with a subcircuit comparator")
             front_end = dataclasses.replace(front_end, comparator=options.comparator.read_text())
-        for result in (
-            Result("analog/comparator", partial(comparator, front_end), draw, long=options.comparator is None),
-            Result("analog/loops", partial(loops, front_end), long=options.comparator is None),
-        ):
+        known = options.comparator is None  # else the data of another comparator may be there
+        results = [Result("analog/comparator", partial(comparator, front_end), draw, long=known)]
+        if options.loops:
+            results.append(Result("analog/loops", partial(loops, front_end), long=known))
+        for result in results:
             for path in result.make("analog", options.out):
                 print(f"wrote {path}")
     except InputError as error:
