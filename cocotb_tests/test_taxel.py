@@ -210,7 +210,7 @@ def name(config: ReadoutConfig) -> str:
     "icarus-cw-lcs-analog-12b-3b-sync-clock",
     "icarus-nlcs-analog-12b-6b-sync-clock",
     "icarus-nlcs-digital-12b-5b",
-    "icarus-cw-lcs-digital-12b-5b",
+    "icarus-cw-lcs-digital-12b",
     "icarus-nlcs-bipolar-digital-12b-5b",
     block="taxel",
 )
