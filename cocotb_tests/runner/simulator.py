@@ -235,14 +235,19 @@ def build(
                 )
         except (SystemExit, RuntimeError) as error:
             raise _failure(draft / "build.log", f"{simulator} could not build {folder.name}: {error}", given) from None
-        (draft / "built").touch()
-        try:
-            draft.rename(folder)
-        except OSError:  # another process finished the same build first
-            if not (is_private(folder) and (folder / "built").exists()):
-                raise
+        _move(draft, folder)
     trim(folder.parent)
     return program
+
+
+def _move(draft: Path, folder: Path) -> None:
+    """Move a finished build to its place."""
+    (draft / "built").touch()
+    try:
+        draft.rename(folder)
+    except OSError:  # another process finished the same build first
+        if not (is_private(folder) and (folder / "built").exists()):
+            raise
 
 
 def _with_macros(defines: dict[str, str], text: str, macros: dict[str, str] | None) -> tuple[dict[str, str], str]:
