@@ -24,7 +24,7 @@ from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 from eskin.cocotb_tests.runner.inputs import Inputs, Textures, named
 from eskin.cocotb_tests.runner.process import Tally, play_runs, scenario_runs
 from eskin.cocotb_tests.runner.reproduce import options, reproduce
-from eskin.cocotb_tests.runner.simulator import NotBuilt, build, require_programs
+from eskin.cocotb_tests.runner.simulator import build, is_built, require_programs
 from eskin.model.address_events import Events
 from eskin.model.config import NO_LOGIC, ReadoutConfig
 from eskin.model.events.recording import Recording
@@ -179,12 +179,7 @@ def configuration_hint(config: ReadoutConfig) -> str:
 @contextmanager
 def built_ahead(plan: Plan, configs: Iterable[ReadoutConfig]) -> Iterator[Callable[[ReadoutConfig], None]]:
     """Build the missing programs in processes, while earlier ones play; yield a function that waits for a program."""
-    missing = []
-    for config in configs:
-        try:
-            build(config, plan.simulator, waves=plan.waves, existing=True)
-        except NotBuilt:
-            missing.append(config)
+    missing = [config for config in configs if not is_built(config, plan.simulator, plan.waves)]
     if len(missing) < 2:
         yield lambda config: None
         return

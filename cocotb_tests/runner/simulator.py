@@ -149,6 +149,21 @@ def instrumented(instruments: Instruments) -> Iterator[None]:
         _instruments.reset(token)
 
 
+_only_existing: ContextVar[bool] = ContextVar("only_existing", default=False)
+
+
+def is_built(config: Config, simulator: Simulator, waves: bool) -> bool:
+    """Return True if the simulation program of a configuration exists."""
+    token = _only_existing.set(True)
+    try:
+        build(config, simulator, waves=waves)
+    except NotBuilt:
+        return False
+    finally:
+        _only_existing.reset(token)
+    return True
+
+
 def build(
     config: Config,
     simulator: Simulator,
@@ -159,7 +174,6 @@ def build(
     hierarchical: bool | None = None,
     text: str = "",
     macros: dict[str, str] | None = None,
-    existing: bool = False,
 ) -> Build:
     """Return the simulation program of a configuration, built if necessary.
 
@@ -178,8 +192,6 @@ def build(
         Verilog to simulate instead of the configuration's own: its netlist, with the cells that it is made of.
     macros : dict of str to str, optional
         Further macros of the harness, for a text written by somebody else, which then sees no macro of the harness.
-    existing : bool
-        Raise NotBuilt instead of building.
     """
     require_programs(simulator)
     tools = _instruments.get()
@@ -207,7 +219,7 @@ def build(
     if is_private(private_folder(folder.parent) / folder.name) and (folder / "built").exists():
         (folder / "built").touch()
         return program
-    if existing:
+    if _only_existing.get():
         raise NotBuilt(folder.name)
     if folder.exists() and not is_private(folder):  # another user may have written it
         shutil.rmtree(folder, ignore_errors=True)

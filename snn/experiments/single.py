@@ -66,9 +66,8 @@ def train_fold(
     experiment: Experiment,
     fold: Fold,
     seed: int,
-    out: Path,
+    checkpoint: Checkpoint,
     *,
-    checkpoint_every: int = 5,
     device: str = "cpu",
     watch_test: bool = False,
     progress: Callable[[Epoch], None] | None = None,
@@ -80,12 +79,13 @@ def train_fold(
 
     - ``experiment``: its grid is not used.
     - ``seed``: seed of weights, order and augmentation.
-    - ``out``: folder of checkpoint, result and weights; ``checkpoint_every`` epochs there is a checkpoint.
+    - ``checkpoint``: its folder also gets result and weights.
     - ``device``: device name of torch.
     - ``watch_test``: also note the test accuracy of every epoch, which selects nothing.
     - ``progress``: called after each epoch.
     - ``more``: other entries of ``result.json``.
     """
+    out = checkpoint.path.parent
     data, labels = fold.data, fold.data.image_labels[fold.test]
     training = train(
         Split(data, fold.images, fold.test if watch_test else None),
@@ -93,7 +93,7 @@ def train_fold(
         experiment.train,
         seed,
         progress=progress,
-        checkpoint=Checkpoint(out / "checkpoint.pt", checkpoint_every),
+        checkpoint=checkpoint,
         device=device,
     )
     predicted = predicted_classes(training.network, data, fold.test, device)
