@@ -205,13 +205,7 @@ def name(config: ReadoutConfig) -> str:
 
 
 @pytest.mark.representative(
-    "icarus-lcs-digital-12b-5b",
-    "icarus-lcs-analog-12b-1b-sync-clock",
-    "icarus-cw-lcs-analog-12b-3b-sync-clock",
-    "icarus-nlcs-analog-12b-6b-sync-clock",
-    "icarus-nlcs-digital-12b-5b",
-    "icarus-cw-lcs-digital-12b",
-    "icarus-nlcs-bipolar-digital-12b-5b",
+    *(f"icarus-{encoding}-{frontend}" for encoding in ("lcs", "cw-lcs", "nlcs") for frontend in ("digital", "analog")),
     block="taxel",
 )
 @pytest.mark.parametrize("config", breadth(), ids=lambda config: f"icarus-{name(config)}")
