@@ -19,6 +19,8 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.registers.export import c_header, page
 from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl.delivery import constraints, core, description, ports, write
+from eskin.rtl.gates.clock_gates import BEHAVIOUR, GATE
+from eskin.rtl.text.fold import LONGEST
 from eskin.rtl.verilog import Config, top_block, verilog
 from tests.conftest import run_eskin as call
 
@@ -78,7 +80,7 @@ def declared(text: str, top: str) -> dict[str, tuple[str, int]]:
     """Return direction and width of the ports that a module declares."""
     module = text[text.index(f"module {top}(") :]
     module = module[: module.index("endmodule")]
-    found = re.findall(r"^  (input|output) (?:wire|reg) (?:signed )?(?:\[(\d+):0\] )?(\w+);", module, re.MULTILINE)
+    found = re.findall(r"^  (input|output) (?:wire|reg) (?:signed )?(?:\[(\d+):0\] )?(\w+),?$", module, re.MULTILINE)
     return {port: (way, int(high or 0) + 1) for way, high, port in found}
 
 
@@ -118,6 +120,21 @@ def test_lint_is_clean(config: ReadoutConfig, tmp_path: Path) -> None:
     path = tmp_path / "eskin_readout.v"
     path.write_text(verilog_text(config))
     assert lint(path) == ""
+    assert max(map(len, path.read_text().splitlines())) <= LONGEST
+
+
+GATED = ReadoutConfig(rows=2, columns=3, window_period=5, leak_period=9)
+
+
+@pytest.mark.parametrize("config", pairs(GATED, **axes("encoding", "frontend", "registers", "link", "reset")), ids=name)
+def test_lint_is_clean_with_clock_gates_and_registers_keep_their_names(config: ReadoutConfig, tmp_path: Path) -> None:
+    text = verilog(config, gated=True)
+    path, gate = tmp_path / "eskin_readout.v", tmp_path / f"{GATE}.v"
+    path.write_text(text)
+    gate.write_text(BEHAVIOUR)
+    assert lint(path, gate) == ""
+    assert not re.search(r"^  reg .*_part\w*;", text, re.MULTILINE)
+    assert max(map(len, text.splitlines())) <= LONGEST
 
 
 SKINS = [(1, 2, "lcs", 0), (2, 2, "cw-lcs", 2), (5, 1, "nlcs", 1)]

@@ -14,6 +14,11 @@ Config = TypeVar("Config")
 yosys.offer_to_amaranth()
 
 
+def numbered(name: str, number: int, count: int) -> str:
+    """Return the name of one of several equal submodules, such as ``row_02`` of 12, so that the names sort."""
+    return f"{name}_{number:0{len(str(count - 1))}}"
+
+
 class Block(wiring.Component, Generic[Config]):
     """A component configured only by the parameter object of its readout.
 

@@ -9,7 +9,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.decay import decay_phases
 from eskin.model.encoders.fields import SETTABLE, is_off
 from eskin.rtl.arbiter import Arbiter, event_ports
-from eskin.rtl.block import Block
+from eskin.rtl.block import Block, numbered
 from eskin.rtl.decay import DecayTicks
 from eskin.rtl.encoders.fields import Fields
 from eskin.rtl.links import registry as links
@@ -88,7 +88,7 @@ class Readout(Block[ReadoutConfig]):
 
         for index in range(config.rows):
             row = Row(config)
-            row.place(m, f"row_{index}", platform)
+            row.place(m, numbered("row", index, config.rows), platform)
             m.d.comb += [row.select.eq(arbiter.select[index]), row.granted.eq(arbiter.granted[index])]
             needs_clock.append(row.awake)
             _request(m, arbiter, row, host, index)

@@ -7,7 +7,7 @@ from amaranth.hdl import Cat, Const, Module, Mux, Signal, signed, unsigned
 from amaranth.lib.wiring import In, Out
 
 from eskin.model.config import ReadoutConfig
-from eskin.rtl.block import Block
+from eskin.rtl.block import Block, numbered
 from eskin.rtl.encoders.encoder import Shared
 from eskin.rtl.encoders.registry import named
 from eskin.rtl.logic import or_tree
@@ -197,7 +197,7 @@ class Row(Block[ReadoutConfig]):
         ]
         for column in range(self.config.columns):
             taxel = Taxel(self.config)
-            taxel.place(m, f"taxel_{column}", platform)
+            taxel.place(m, numbered("taxel", column, self.config.columns), platform)
             m.d.comb += [taxel.enable.eq(self.enable[column]), taxel.granted.eq(self.granted)]
             m.d.comb += [getattr(taxel, name).eq(getattr(self, name)) for name in self.shared]
             for name in self.per_taxel:

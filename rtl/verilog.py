@@ -140,7 +140,7 @@ def header(config: Config, comment: str, gated: bool = False) -> str:
         *(f"  {name} = {value}" for name, value in config.to_dict().items()),
         *(["  clock_gates = True"] if gated else []),
     ]
-    return "".join(f"{comment} {line}\n" for line in lines)
+    return "".join(yosys.comment(line, comment, "    ") for line in lines)
 
 
 def _waive(text: str, config: Config) -> str:

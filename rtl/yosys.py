@@ -10,12 +10,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import textwrap
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
 from eskin.base.files import refusing_a_full_disk
-from eskin.rtl.text.fold import fold
+from eskin.rtl.text.fold import LONGEST, fold
 
 _FOUND = find_spec("pyosys")
 
@@ -186,6 +187,20 @@ def mark(verilog: str, module: str, name: str, attributes: str) -> str:
 def waive_signal(verilog: str, module: str, name: str, warning: str, reason: str) -> str:
     """Return a text in which a lint warning is waived for one signal of a module, with a reason."""
     head, mark, body = verilog.partition(f"module {module}(")
-    declaration = re.compile(rf"^  (?:input )?wire (?:[^;]* )?{name};$", re.MULTILINE)
+    declaration = re.compile(rf"^  (?:input )?wire (?:[^;,\n]* )?{name}[;,]?$", re.MULTILINE)
     off, on = f"  /* verilator lint_off {warning} */\n", f"\n  /* verilator lint_on {warning} */"
-    return head + mark + declaration.sub(rf"  // {reason}\n{off}\g<0>{on}", body, count=1)
+    said = comment(reason, "  //")
+    return head + mark + declaration.sub(rf"{said}{off}\g<0>{on}", body, count=1)
+
+
+def comment(text: str, mark: str, more: str = "") -> str:
+    """Return a comment in lines of at most ``LONGEST`` characters; ``more`` indents all but the first."""
+    lines = textwrap.wrap(
+        text,
+        LONGEST,
+        initial_indent=f"{mark} ",
+        subsequent_indent=f"{mark} {more}",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return "".join(f"{line}\n" for line in lines)

@@ -44,7 +44,7 @@ from eskin.rtl.verilog import Config
 HARNESS = Path(__file__).parents[1] / "bench" / "harness.v"
 FILES = HARNESS.with_suffix(".cpp")
 """C++ files of the harness for Verilator."""
-TEST_ENABLE = re.compile(r"input (wire )?test_enable;")
+TEST_ENABLE = re.compile(r"input (wire )?test_enable\b")
 """Port that only netlists have; a high level keeps all clock gates open for a test of the chip."""
 ERROR = re.compile(r"\berror\b(?=[-:\s]|$)", re.IGNORECASE)
 """Word that marks the line of an error in the output of simulators and compilers."""

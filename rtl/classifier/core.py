@@ -7,7 +7,7 @@ from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value, signed
 from amaranth.lib.wiring import In, Out
 
 from eskin.model.classifier.config import OWN_SHIFT_BITS, ClassifierConfig, Leak, highest
-from eskin.rtl.block import Block
+from eskin.rtl.block import Block, numbered
 from eskin.rtl.classifier.lane import Lane
 from eskin.rtl.classifier.memory import (
     InputMemory,
@@ -386,7 +386,7 @@ class Classifier(Block[ClassifierConfig]):
         if fewer := config.hidden % config.lanes:
             ends[fewer - 1] = self.now_step == config.lane_words - 1, self.held_index == config.hidden - 1
         for number, lane in enumerate(lanes):
-            lane.place(m, f"lane_{number}", platform)
+            lane.place(m, numbered("lane", number, config.lanes), platform)
             shifts: Value = self.now_neuron
             value = lanes[number + 1].potential if number + 1 < config.lanes else self.next_potential
             group: Value = self.now_step

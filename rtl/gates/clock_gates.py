@@ -28,18 +28,19 @@ SYNCHRONISERS = {
 MEMORY = "$memrd_v2"
 """Cell of a read port. A macro may replace a module that has one, so no register of this module gets a gate."""
 
-FLOPS_IN_JSON = ("$dff", "$dffe", "$adff", "$adffe")
+REGISTERS = ("$dff", "$dffe", "$adff", "$adffe")
 
 FEWEST_FLOPS = 3
 """Flops with one enable that are worth a clock gate."""
 
-BEHAVIOUR = f"""module {GATE}(clk, enable, {TEST}, gated);
+BEHAVIOUR = f"""module {GATE}(
+  input wire clk,
+  input wire enable,
+  input wire {TEST},
+  output wire gated
+);
   // For silicon replace the body by one cell of the library, an integrated clock gate:
   //   CELL gate (.CLK(clk), .E(enable), .TE({TEST}), .GCLK(gated));
-  input wire clk;
-  input wire enable;
-  input wire {TEST};
-  output wire gated;
   reg open;
   /* verilator lint_off LATCH */
   always @*
@@ -78,12 +79,12 @@ def gated(rtlil: str, top: str, synchronous_reset: bool) -> str:
     stop_enables(design)
     stop_blocks(design, synchronous_reset)
     for module_name, module in design["modules"].items():
-        _keep_apart(module, (*SYNCHRONISERS.get(module_name, ()), *_entangled(module)))
         named = [net["bits"] for net in module["netnames"].values() if not net["hide_name"]]
         for name, cell in module["cells"].items():
             if cell["type"] == GATE and cell["connections"]["enable"] not in named:
                 net = {"hide_name": 0, "bits": cell["connections"]["enable"], "attributes": {}}
                 module["netnames"][f"{name}_enable"] = net
+        _keep_apart(module, (*SYNCHRONISERS.get(module_name, ()), *_mingled(module)))
     files = {"gated.json": json.dumps(design).encode(), "gate.v": STUB.encode()}
     script = TO_VERILOG.format(top=top, gate=GATE, test=TEST, tested=" ".join(_tested(design["modules"])))
     text = yosys.run(script, "", "readout.v", files)
@@ -103,32 +104,37 @@ def _tested(modules: dict[str, Any]) -> set[str]:
     return found - {GATE}
 
 
-def _entangled(module: dict[str, Any]) -> list[str]:
-    """Return the registers of which an output or another signal has some bits, beside bits of its own."""
-    nets = {name: net["bits"] for name, net in module["netnames"].items() if not net["hide_name"]}
-    names = {tuple(bits): name for name, bits in nets.items() if name not in module["ports"]}
+def _mingled(module: dict[str, Any]) -> list[str]:
+    """Return the registers of which an output or a signal has some bits, beside other bits or in another order."""
+    registers = {tuple(cell["connections"]["Q"]) for cell in module["cells"].values() if cell["type"] in REGISTERS}
+    own = {name: net["bits"] for name, net in _own_nets(module).items() if tuple(net["bits"]) in registers}
     outputs = [port["bits"] for port in module["ports"].values() if port["direction"] == "output"]
-    found = []
-    for cell in module["cells"].values():
-        own = set(cell["connections"]["Q"]) if cell["type"] in FLOPS_IN_JSON else set()
-        name = names.get(tuple(cell["connections"]["Q"])) if own else None
-        others = [set(bits) for bits in [*nets.values(), *outputs]]
-        if name and any(own & bits and bits - own for bits in others):
-            found.append(name)
-    return found
+    signals = [net["bits"] for net in _own_nets(module).values()]
+    mingled = [bits for bits in outputs if list(bits) not in own.values()]
+    mingled += [bits for bits in signals if not any(set(bits) <= set(register) for register in own.values())]
+    return [name for name, bits in own.items() if any(not set(bits).isdisjoint(other) for other in mingled)]
+
+
+def _own_nets(module: dict[str, Any]) -> dict[str, Any]:
+    """Return the named signals of a module, except its ports."""
+    return {
+        name: net for name, net in module["netnames"].items() if not net["hide_name"] and name not in module["ports"]
+    }
 
 
 def _keep_apart(module: dict[str, Any], registers: Collection[str]) -> None:
-    """Insert wires at the outputs of registers, so that each register keeps its name."""
+    """Insert wires between registers and what shows their bits, so that each register keeps its name."""
     held = {bit for name in registers for bit in module["netnames"][name]["bits"]}
-    for name, port in module["ports"].items():
-        if port["direction"] != "output":
+    outputs = {name: module["netnames"][name] for name, p in module["ports"].items() if p["direction"] == "output"}
+    for name, net in (_own_nets(module) | outputs).items():
+        if name in registers or (held.issuperset(net["bits"]) and name not in outputs):
             continue
-        for place, bit in enumerate(port["bits"]):
+        for place, bit in enumerate(net["bits"]):
             if bit in held:
-                net = highest_net(module) + 1
-                port["bits"][place] = module["netnames"][name]["bits"][place] = net
-                module["cells"][f"$shown{net}"] = cell_of("$_BUF_", {"A": bit, "Y": net})
+                new = net["bits"][place] = highest_net(module) + 1
+                if name in outputs:
+                    module["ports"][name]["bits"][place] = new
+                module["cells"][f"$shown{new}"] = cell_of("$_BUF_", {"A": bit, "Y": new})
 
 
 def stop_enables(design: dict[str, Any]) -> int:

@@ -1,4 +1,3 @@
-`timescale 1ns/1ps
 // {{ ticks }} sample ticks of {{ config.clocks_per_sample }} clocks; {{ count }} events, as the model gives them.
 module eskin_readout_tb;
   reg clk = 1'b0;

@@ -189,7 +189,7 @@ def plain(node: Node, wires: Mapping[str, Wire]) -> Node:
         if number.kind == "number":
             bits = max(width(part, wires) for part in node.parts)
             return replace(node, parts=(plain(node.parts[0], wires), _decimal(number, bits)))
-    node = replace(node, parts=tuple(plain(part, wires) for part in node.parts))
+    node = _fitting(replace(node, parts=tuple(plain(part, wires) for part in node.parts)), wires)
     if node.kind == "signed":
         (inner,) = node.parts
         return inner if signed(inner, wires) else _signed_numbers(inner) or node
@@ -198,6 +198,17 @@ def plain(node: Node, wires: Mapping[str, Wire]) -> Node:
     if node.kind == "unary" and node.text in ("|", "&", "~|", "!"):
         return _plain_reduction(node, wires)
     return node
+
+
+def _fitting(node: Node, wires: Mapping[str, Wire]) -> Node:
+    """Return a comparison or a sum with an unsigned number behind the operator, with the number as wide as the rest."""
+    if node.kind != "binary" or node.text not in COMPARISONS | {"+", "-"}:
+        return node
+    left, right = node.parts
+    found = re.fullmatch(r"(\d+)'h([0-9a-f]+)", right.text) if right.kind == "number" else None
+    if found is None or (bits := width(left, wires)) <= int(found[1]):
+        return node
+    return replace(node, parts=(left, replace(right, text=f"{bits}'h{int(found[2], 16):0{-(-bits // 4)}x}")))
 
 
 def _signed_numbers(node: Node) -> Node | None:

@@ -21,7 +21,7 @@ DRIVEN = re.compile(r"^(  assign |    (?:else )?(?:if \((.*)\) )?)(\w+)((?:\[[\d
 PORT = re.compile(r"^(    \.\w+\()(.*)(\),?)$")
 WORD = re.compile(r"(?<![\w$'.])[A-Za-z_]\w*")
 
-LONGEST = 110
+LONGEST = 100
 """Characters of a line; longer lines are broken behind an operator."""
 
 BREAKS = tuple(f"{operator} " for operator in ("|", "&", "^", "?", ":", "+", "-", "<=", ","))
@@ -70,7 +70,18 @@ def fold(module: str) -> str:
     }
     lines = _in_order([_parse(text, wires) for text in module.splitlines()])
     text = _renamed("\n".join(_Folder(lines, wires).lines()))
-    return "".join(broken(line) + "\n" for line in _declared(text.splitlines()))
+    return "".join(broken(line) + "\n" for line in _with_ports(_declared(text.splitlines())))
+
+
+def _with_ports(lines: list[str]) -> list[str]:
+    """Return the lines of a module with the declarations of its ports in the list of its ports."""
+    start = next(number for number, line in enumerate(lines) if line.startswith("module "))
+    end = next(number for number, line in enumerate(lines) if line.endswith(");"))  # Yosys breaks a long list
+    name, _, names = "".join(lines[start : end + 1]).removesuffix(");").partition("(")
+    ports = [line for line in lines if line.startswith(("  input", "  output"))]
+    declared = {line.removesuffix(";").rpartition(" ")[2]: line.removesuffix(";") for line in ports}
+    listed = ",\n".join(declared[port] for port in names.split(", ")).splitlines()
+    return [*lines[:start], f"{name}(", *listed, ");", *(line for line in lines[end + 1 :] if line not in ports)]
 
 
 def _declared(lines: list[str]) -> list[str]:
@@ -91,12 +102,16 @@ def _declared(lines: list[str]) -> list[str]:
 def broken(line: str) -> str:
     """Return a line, wrapped after operators and commas if it is too long."""
     indent = " " * (len(line) - len(line.lstrip()))
-    rows = [indent]
-    for word in line.split():
-        if len(rows[-1]) + len(word) > LONGEST and rows[-1].endswith(BREAKS):
-            rows[-1] = rows[-1].rstrip()
+    rows, unit = [indent], ""
+    words = line.split()
+    for number, word in enumerate(words, 1):
+        unit += word + " "
+        if number < len(words) and not unit.endswith(BREAKS):
+            continue
+        if len(rows[-1]) + len(unit) - 1 > LONGEST and rows[-1] != indent:
             rows.append(indent + "    ")
-        rows[-1] += word + " "
+        rows[-1] += unit
+        unit = ""
     return "\n".join(row.rstrip() for row in rows)
 
 

@@ -46,8 +46,8 @@ def test_the_stamp_goes_and_a_port_is_declared_once() -> None:
         "  output z;\n  wire z;\n  wire q;\n  assign z = ! q;\nendmodule\n"
     )
     assert yosys.tidy(before) == (
-        "module a(clk, x_y, z);\n  input wire clk;\n  output reg [3:0] x_y;\n"
-        "  output wire z;\n  wire q;\n  assign z = ~q;\nendmodule\n"
+        "module a(\n  input wire clk,\n  output reg [3:0] x_y,\n  output wire z\n);\n"
+        "  wire q;\n  assign z = ~q;\nendmodule\n"
     )
 
 
