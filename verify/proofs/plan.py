@@ -152,7 +152,7 @@ def taxels() -> list[Proof]:
     by_host = [c.replace(resolution=3 if c.encoding == "lcs" else 2) for c in cases(HOSTED, **kinds)]
     wide = cases(NEAR_THE_END, **kinds)
     return [
-        *(Proof(WindowChecker, c, 12, False, c == windows[0]) for c in windows),
+        *(Proof(WindowChecker, c, 12, hunts=True) for c in windows),
         *(Proof(WindowChecker, c, 12, c == hosted[0]) for c in hosted),
         *(
             Proof(
@@ -212,7 +212,7 @@ def hosts() -> list[Proof]:
         Proof(ShortRegistersChecker, few, 12, True),
         *(Proof(RegistersChecker, c, 8, False, True) for c in (few, more)),
         *(Proof(PatternChecker, c, 14, c.rows == 2, c.rows == 2) for c in patterns),
-        *(Proof(BusHostChecker, c, 8, c == few, c == few) for c in (few, *chosen)),
+        *(Proof(BusHostChecker, c, 8, c == few, c in (few, chosen[-1])) for c in (few, *chosen)),
         Proof(ShortHostChecker, window, 30),
     ]
 
