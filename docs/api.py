@@ -111,7 +111,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         text = f"{head}# {name}\n\n`{path.relative_to(ROOT)}`\n\n::: {module}\n"
         files.append(File.generated(config, f"{API}/{name}.md", content=text))
     for place, name in OUTSIDE.items():
-        text = (ROOT / place).read_text().replace("](docs/", "](")
+        up = "../" * place.count("/")
+        text = (ROOT / place).read_text().replace(f"]({up}docs/", "](")
         for other, page in OUTSIDE.items():
             text = text.replace(f"]({other}", f"]({page}")
         files.append(File.generated(config, name, content=text))
