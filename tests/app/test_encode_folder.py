@@ -148,7 +148,7 @@ SMALL = "--folds 2 --epochs 10 --set hidden=8 --set batch=4"
 def test_every_command_applies_the_scale_of_each_taxel(folder: Path, call: Any) -> None:
     write_uneven(folder / "skin", each=6)
     write_uneven(folder / "new", each=1, amplitude=0.5, first=20)  # which scales of their own would hide
-    code, out, error = call("train --data skin", SMALL)
+    code, out, error = call("train --data skin --baseline first", SMALL)
     assert code == 0, error
     said = json.loads(Path("out/train/result.json").read_text())["recordings"]
     scale = np.array(said["scale"])
@@ -179,7 +179,7 @@ def test_every_command_applies_the_scale_of_each_taxel(folder: Path, call: Any) 
         played = codes_to_play(network, chip.networks[name].chip.readout, recordings=Path("new"), only=name)
         for found in (signals_of(events)[0][name], chip.image(name), show.load(name)[0], played[1]):
             assert np.array_equal(found, codes)
-    code, out, error = call("train --data skin --scale max", SMALL, "-o common")
+    code, out, error = call("train --data skin --baseline first --scale max", SMALL, "-o common")
     assert code == 0, error
     common = json.loads(Path("common/result.json").read_text())["recordings"]["scale"]
     assert common == pytest.approx(scale.min())

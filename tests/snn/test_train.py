@@ -286,7 +286,7 @@ def test_a_network_in_a_file_is_one_flat_list_in_a_fixed_order(kind: str) -> Non
         fields |= {"input_offset": 0.25, "input_center": True}
     config = NetworkConfig.from_dict(fields)
     flat = config.to_dict()
-    assert tuple(flat) == FIELDS
+    assert tuple(flat) == tuple(name for name in FIELDS if name != "layers")  # one layer, so without its size
     assert flat | fields == flat
     assert NetworkConfig.from_dict(json.loads(json.dumps(flat))) == config
     with pytest.raises(InputError, match="unknown network field 'colour'; known fields are"):

@@ -46,7 +46,7 @@ SMALL = {"leaky": {"recipe": "tuned", "hidden": 8}, "convolutions": {"recipe": "
         ("along:2", (8, 11)),
         ("corners", (0, 3, 12, 15)),
         ("checkerboard", (0, 2, 5, 7, 8, 10, 13, 15)),
-        ("3+1+3", (1, 3)),
+        ("3+1", (1, 3)),
     ],
 )
 def test_taxels_are_chosen_by_name(text: str, taxels: tuple[int, ...]) -> None:

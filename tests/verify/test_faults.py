@@ -151,7 +151,7 @@ FOUND: list[tuple[Any, ...]] = [
         "state",
         "classifier.core",
         NEVER,
-        ("with m.Default():", "with m.Case(State.OUTPUTS):"),
+        ("with m.Default():  # OUTPUTS", "with m.Case(State.OUTPUTS):  #"),
     ),
 ]
 """Trials, the flops to flip, a file of the RTL, what must be reported with a bug in it, and the edits that plant it."""
