@@ -190,10 +190,10 @@ class Copy:
         self._steps: dict[int, Any] = {}
         self.piece = b""  # JSON
 
-    def take(self, said: dict[str, Any], piece: Piece) -> None:
-        """Add what is new in the view."""
+    def take(self, said: dict[str, Any], piece: Piece | None) -> None:
+        """Add what is new in the view; ``piece`` is None for a known input."""
         with self._lock:
-            if said["number"] != self._said["number"]:
+            if piece is not None:
                 self._steps, self.piece = {}, json.dumps(asdict(piece)).encode()
             self._steps.update(said["steps"])
             self._steps = dict(sorted(self._steps.items())[-STEPS - 1 :])
@@ -264,11 +264,11 @@ def serve(listener: socket.socket, updates: Connection) -> None:
 
 def _publish(view: View, updates: Connection, ends: threading.Event) -> None:
     """Send what is new in a view at a fixed rate, whatever the page's clients do."""
-    number = since = 0
+    number = since = 0  # a view begins with number 1
     with suppress(OSError):  # the other process has ended
         while True:
             said = view.state(number, since)
-            updates.send((said, view.piece))
+            updates.send((said, view.piece if said["number"] != number else None))
             number, since = said["number"], max((step for step, _ in said["steps"]), default=0)
             if ends.wait(COPY_S):
                 return
