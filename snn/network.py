@@ -77,7 +77,7 @@ class SpikingNetwork(nn.Module):
                 self.register_buffer(name, torch.full((size,), value), persistent=False)
         if config.layers:
             with torch.no_grad():
-                for matrix, exists in zip((self.w_in, self.w_rec, self.w_out), _connections(config), strict=True):
+                for matrix, exists in zip((self.w_in, self.w_rec, self.w_out), connections(config), strict=True):
                     matrix.mul_(exists)
 
     def decays(self) -> tuple[Tensor, Tensor]:
@@ -162,11 +162,17 @@ class SpikingNetwork(nn.Module):
         return torch.einsum("obh,oh->bo", summed, w_out) + self.b_out * reach.sum(0)
 
 
-def _connections(config: NetworkConfig) -> tuple[Tensor, Tensor, Tensor]:
-    """Return 1 for each weight of w_in, w_rec and w_out that a stack has, and 0 for others."""
-    number = torch.repeat_interleave(torch.arange(len(config.layers)), torch.tensor(config.layers))
-    ahead = number[:, None] - number
-    return (number == 0)[:, None], (ahead == 0) | (ahead == 1), number == len(config.layers) - 1
+def connections(config: NetworkConfig) -> tuple[Tensor, Tensor, Tensor]:
+    """Return 1 for each weight of w_in, w_rec and w_out that a network has, and 0 for others."""
+    ahead = layers_ahead(config)
+    return ahead[:, :1] == 0, (ahead == 0) | (ahead == 1), ahead[-1] == 0
+
+
+def layers_ahead(config: NetworkConfig) -> Tensor:
+    """Return by how many layers each hidden neuron is ahead of each other one, shape (hidden, hidden)."""
+    sizes = config.layers or (config.hidden,)
+    number = torch.repeat_interleave(torch.arange(len(sizes)), torch.tensor(sizes))
+    return number[:, None] - number
 
 
 def synaptic(currents: Tensor, decay: float) -> Tensor:

@@ -1,5 +1,7 @@
 """Compare NeuroBench's metrics with values computed by hand."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
@@ -61,6 +63,18 @@ def test_a_mean_over_scans_does_not_depend_on_their_padding() -> None:
     assert found["synaptic_operations"] == pytest.approx(alone["synaptic_operations"])
     assert found["activation_sparsity"] == pytest.approx(alone["activation_sparsity"])
     assert alone["synaptic_operations"]["Effective_MACs"] > 0
+
+
+def test_a_spike_reaches_the_next_layer_of_a_stack_in_its_own_step() -> None:
+    network, data = by_hand(layers=(1, 1))
+    network.w_in.data[1] = 0
+    network.w_out.data = torch.tensor([[0.0, 2], [0, 0]])
+    found = measure(network, dataclasses.replace(data, values=np.array([[[1, 0], [0, 1], [1, 0]]], np.int16)))
+    # Weights: 2 of the inputs, 3 between neurons, 2 of the outputs; zeros: 2 + 1.
+    assert found["connection_sparsity"] == pytest.approx(3 / 7)
+    # Neuron 0, neuron 1 and class 0 fire in steps 0 and 2, each for one weight; each step has one input.
+    assert found["activation_sparsity"] == pytest.approx(1 - 6 / 12)
+    assert found["synaptic_operations"] == {"Effective_MACs": 0.0, "Effective_ACs": 3 + 2 * 2, "Dense": 3 * 7}
 
 
 def test_a_network_of_frames_is_refused() -> None:
