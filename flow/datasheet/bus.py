@@ -5,7 +5,6 @@ from eskin.flow.datasheet.waves import latencies
 from eskin.model.bus.axi_lite import ACCESS_CLOCKS, BUS_ADDRESS_BITS
 from eskin.model.bus.axi_stream import AxiStream, Event
 from eskin.model.bus.config import BusConfig
-from eskin.rtl.delivery import ports
 
 CLOCKS = 14
 STALL = range(6, 8)
@@ -25,7 +24,7 @@ def waves(config: BusConfig) -> list[Wave]:
         tready, offered = clock not in STALL, stream.offered
         ready = stream.ready(tready)
         data, last = offered or (None, None)
-        found.append((event is not None, ready, offered is not None, tready, data, None if last is None else int(last)))
+        found.append((event is not None, ready, offered is not None, tready, data, last))
         stream.clock(event, tready)
         if event is not None and ready:
             left.pop(0)
@@ -37,13 +36,11 @@ def waves(config: BusConfig) -> list[Wave]:
 def sheet_of(config: BusConfig) -> Sheet:
     """Return the datasheet of a readout behind AXI."""
     readout = config.readout
-    ticks = "sample_valid" in {port["name"] for port in ports(readout)}
-    first = [("sample tick to `m_axis_tvalid`, array idle", latencies(readout).latency + BEHIND)]
     access = [("read or write of a register to its response, no other access", ACCESS_CLOCKS)]
     values = {
         "readout": readout,
         "latencies": [
-            *(first if ticks else []),
+            ("sample tick to `m_axis_tvalid`, array idle", latencies(readout).latency + BEHIND),
             ("event of the arbiter to `m_axis_tvalid`, sink always ready", BEHIND),
             ("from one event to the next", 1),
             *(access if readout.registers != "none" else []),

@@ -62,7 +62,7 @@ def prepare(config: ReadoutConfig, path: Path, folder: Path) -> Gates:
 def play(
     plan: sim.Plan, gates: Gates, config: ReadoutConfig, repeat_options: str, on_stage: Callable[[str], None]
 ) -> Tally:
-    """Simulate all scenarios and scans on a netlist; return the totals. ``again``: options of gatesim."""
+    """Simulate all scenarios and scans on a netlist; return the totals. ``repeat_options``: options of gatesim."""
     text = "\n".join(path.read_text() for path in (gates.netlist, gates.cells))
     return sim.play(
         dataclasses.replace(plan, text=text, repeat_options=repeat_options, command="gatesim"),
