@@ -208,8 +208,7 @@ def play(
     """Simulate all runs of a configuration, and return the totals.
 
     ``on_run`` is called with each finished run, and ``on_stage`` with what begins. ``wait`` waits for a program that is
-    being built. A user's Verilog that cannot be
-    built, or that ends the simulation, is an InputError.
+    being built. A user's Verilog that cannot be built, or that ends the simulation, is an InputError.
     """
     on_stage(f"building for {plan.simulator}")
     with reported(f"building {config.rows} x {config.columns} taxels for {plan.simulator}"):
