@@ -123,24 +123,23 @@ class AxiStreamChecker(Checker[BusConfig]):
         yield "leaves_in_two_clocks", implies(came, self.m_axis_tvalid), came & before(m, leaves, "left")
 
         moves = ((inside == 2) & leaves) | ((inside == 1) & ~self.m_axis_tvalid)
-        last = self.keep(m, Signal(init=1, name="ends"), 0, moves, ~self._follows(event, newest))
+        last = self.keep(m, Signal(init=1, name="ends"), 0, moves, ~(self.event_valid & self._follows(event, newest)))
         yield "tlast_ends_packet", implies(self.m_axis_tvalid, self.m_axis_tlast == last), leaves & self.m_axis_tlast
         if self.config.readout.column_bits:
             inner = Signal()
             m.d.sync += inner.eq(Mux(leaves, ~self.m_axis_tlast, inner))
             sent = self.keep(m, Signal(len(word), name="sent"), 0, leaves, self.m_axis_tdata[: len(word)])
-            follows = self._follows(self.m_axis_tdata, sent, valid=Const(1))
+            follows = self._follows(self.m_axis_tdata, sent)
             yield "packet_of_one_row", implies(leaves & inner, follows), leaves & inner
             yield "packet_without_pause", implies(inner, self.m_axis_tvalid), inner
 
-    def _follows(self, event: Value, before: Value, valid: Value | None = None) -> Value:
+    def _follows(self, event: Value, before: Value) -> Value:
         """Return whether an event has the row of the one before it and a higher column."""
         columns, rows = self.config.readout.column_bits, self.config.readout.row_bits
-        offered = self.event_valid if valid is None else valid
         if not columns:
             return Const(0)
         same = event[columns : columns + rows] == before[columns : columns + rows] if rows else Const(1)
-        return offered & same & (event[:columns] > before[:columns])
+        return same & (event[:columns] > before[:columns])
 
 
 LINKS = {FourPhaseLink: LinkChecker}
