@@ -12,7 +12,7 @@ HERE = Path(__file__).parent
 
 def test_benches(tmp_path: Path) -> None:
     runner = get_runner(os.environ.get("SIM", "icarus"))
-    ((bench,),) = (re.findall(r"```python\n(.*?)```", (HERE.parent / "README.md").read_text(), re.DOTALL),)
+    (bench,) = re.findall(r"```python\n(.*?)```", (HERE.parent / "README.md").read_text(), re.DOTALL)
     (tmp_path / "readme.py").write_text(bench)
     runner.build(sources=[HERE / "wires.v"], hdl_toplevel="wires", build_dir=tmp_path, timescale=("1ns", "1ps"))
     paths = [str(tmp_path), str(HERE), str(HERE.parent), os.environ.get("PYTHONPATH", "")]
