@@ -162,6 +162,11 @@ def signed_words(word: int, count: int, bits: int) -> list[int]:
     return [part - (part >> bits - 1 << bits) for part in parts]
 
 
+def word_of(values: Sequence[int], bits: int) -> int:
+    """Return signed numbers packed in a word, the first in the lowest bits; see ``signed_words``."""
+    return sum((value & (1 << bits) - 1) << number * bits for number, value in enumerate(values))
+
+
 def payload(config: ReadoutConfig, row: int, column: int, polarity: int) -> dict[str, int]:
     """Return the payload fields of an event, limited to existing ports."""
     fields = {"event_row": row, "event_col": column, "event_polarity": polarity}

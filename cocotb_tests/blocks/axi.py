@@ -13,9 +13,9 @@ import numpy as np
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
 
-from eskin.cocotb_tests.bench.block import JOB, Sink, job
+from eskin.cocotb_tests.bench.block import JOB, Sink, job, word_of
 from eskin.cocotb_tests.bench.host import walk, words_for
-from eskin.cocotb_tests.blocks.host import rows, whatever
+from eskin.cocotb_tests.blocks.host import inputs_of, whatever
 from eskin.cocotb_tests.runner.simulator import build
 from eskin.model.bus.axi_lite import ACCESS_CLOCKS
 from eskin.model.bus.config import BusConfig
@@ -97,7 +97,7 @@ async def record(dut: Any) -> None:
     config, rng = job(BusConfig.from_dict)
     with np.load("played.npz") as stored:
         played = {name: stored[name].tolist() for name in stored.files}
-    bits, inputs = config.readout.sample_bits, {name: getattr(dut, name, None) for name in ("sample", "sample_valid")}
+    sample = getattr(dut, "sample", None)
     dut.aclk.value = 0
     bus = AxiStreamBus.from_prefix(dut, "m_axis")
     sink = AxiStreamSink(bus, dut.aclk, dut.aresetn, reset_active_level=False, byte_lanes=1)
@@ -108,7 +108,7 @@ async def record(dut: Any) -> None:
     names = {name: f"m_axis_{name}" if name.startswith("t") else f"lite_spi_{name}" for name in WATCHED[1:]}
     pins = {name: getattr(dut, name, None) for name in ({"event_ready": "readout_event_ready"} | names).values()}
     dut.aresetn.value = 0
-    for pin in inputs.values():
+    for pin in (sample, dut.sample_valid):
         if pin is not None:
             pin.value = 0
     Clock(dut.aclk, 10, "ns").start(start_high=False)
@@ -120,11 +120,9 @@ async def record(dut: Any) -> None:
     seen = []
     for clock in range(clocks):
         dut.taxel_enable.value = int(played["enable"][clock], 2)
-        if inputs["sample_valid"] is not None:
-            inputs["sample_valid"].value = int(clock in samples)
-        if inputs["sample"] is not None and clock in samples:
-            word = sum((x & (1 << bits) - 1) << bits * taxel for taxel, x in enumerate(samples[clock]))
-            inputs["sample"].value = word
+        dut.sample_valid.value = int(clock in samples)
+        if sample is not None and clock in samples:
+            sample.value = word_of(samples[clock], config.readout.sample_bits)
         for side, name in enumerate(("above", "below")):
             if "decisions" in played and (pin := getattr(dut, name, None)) is not None:
                 pin.value = int(played["decisions"][side][clock], 2)
@@ -163,16 +161,7 @@ def prepare(config: BusConfig, folder: Path, seed: int, sink: str, clocks: int) 
         enable=draw.random((len(changes) + 1, readout.taxels)) < 0.9,
         decisions=analog,
     )
-    mask = stimulus.enable[np.searchsorted(stimulus.enable_clock, np.arange(clocks), side="right") - 1]
-    sides = {} if analog is None else {"decisions": [rows(analog & side) for side in (1, 2)]}
-    np.savez(
-        folder / "played.npz",
-        samples=samples,
-        sample_clock=stimulus.sample_clock,
-        enable=np.array(rows(mask)),
-        sink=np.array(sink),
-        **sides,  # type: ignore[arg-type]
-    )
+    np.savez(folder / "played.npz", sink=np.array(sink), **inputs_of(stimulus))
     return stimulus
 
 

@@ -12,7 +12,7 @@ import cocotb
 import numpy as np
 
 from eskin.cocotb_tests.bench.analog import ideal
-from eskin.cocotb_tests.bench.block import JOB, Block, Simulator, begin, report, signed_words
+from eskin.cocotb_tests.bench.block import JOB, Block, Simulator, begin, report, signed_words, word_of
 from eskin.cocotb_tests.bench.block import bits as packed
 from eskin.cocotb_tests.bench.host import happens, pins_of, walk
 from eskin.cocotb_tests.runner.simulator import build
@@ -83,8 +83,7 @@ async def readout_follows_its_model(dut: Any) -> None:
         block.drive(spi_sck=sck, spi_cs_n=cs_n, spi_mosi=mosi, event_ready=ready)
         block.drive(taxel_enable=int(played["enable"][clock], 2), sample_valid=clock in samples)
         if clock in samples and analog is None:
-            mask = (1 << config.sample_bits) - 1
-            block.drive(sample=sum((x & mask) << config.sample_bits * i for i, x in enumerate(samples[clock])))
+            block.drive(sample=word_of(samples[clock], config.sample_bits))
         if decisions:
             block.drive(above=int(decisions[0][clock], 2), below=int(decisions[1][clock], 2))
         elif analog is not None:
@@ -122,6 +121,19 @@ def rows(bits: np.ndarray) -> list[str]:
     return ["".join("1" if on else "0" for on in row[::-1]) for row in bits]
 
 
+def inputs_of(stimulus: Any) -> dict[str, Any]:
+    """Return samples, mask and comparator decisions of a stimulus, as a bench plays them in every clock."""
+    at = np.searchsorted(stimulus.enable_clock, np.arange(stimulus.clocks), side="right") - 1
+    found = {
+        "samples": stimulus.samples,
+        "sample_clock": stimulus.sample_clock,
+        "enable": rows(stimulus.enable[at]),
+    }
+    if stimulus.decisions is not None:
+        found["decisions"] = [rows(stimulus.decisions & side) for side in (1, 2)]
+    return found
+
+
 def prepare(
     config: ReadoutConfig, folder: Path, seed: int, given: list[Any] | None = None, anything: bool = False
 ) -> tuple[Path, Counter[str]]:
@@ -150,25 +162,19 @@ def prepare(
     )
     pins = pins_of(config, clocks, rng) if given is None else given
     played = play(config, stimulus, pins)
-    mask = stimulus.enable[np.searchsorted(stimulus.enable_clock, np.arange(clocks), side="right") - 1]
     path = folder / "host.npz"
-    sides: dict[str, Any] = {}
-    if stimulus.decisions is not None:
-        sides["decisions"] = [rows(stimulus.decisions & side) for side in (1, 2)]
+    inputs = inputs_of(stimulus)
     if config.frontend == "analog":
-        sides["compare"] = rows(strobes(config, played.stimulus))
+        inputs["compare"] = rows(strobes(config, played.stimulus))
     events = np.array([[int(e["t"]), int(e["x"]), int(e["y"]), int(e["p"])] for e in played.events]).reshape(-1, 4)
     np.savez(
         path,
-        samples=samples,
-        sample_clock=stimulus.sample_clock,
-        enable=np.array(rows(mask)),
         ready=stimulus.ready,
         pins=np.array(pins),
         events=events,
         miso=played.miso,
         miso_enable=played.miso_enable,
-        **sides,
+        **inputs,
     )
     return path, happens(played) + Counter(events=len(played.events))
 
