@@ -12,7 +12,7 @@ from scipy.stats import norm
 
 from eskin.analog.circuit import FrontEnd, Taxel
 from eskin.analog.decision import FINE_S, decide, fine, waveform
-from eskin.analog.models import CORNERS
+from eskin.analog.models import CORNERS, sizes
 from eskin.analog.ngspice import simulate
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
@@ -35,7 +35,7 @@ CYCLE_S, FIRE_S = 20e-9, 2e-9
 REACH_V, HALVINGS = 40e-3, 9
 """Range of the search for an offset, and its steps; their last interval is 0.16 mV wide."""
 
-LINE = re.compile(r"^\s*(M\S*)\s.*?(nfet|pfet)\S*\s+w=([\d.e+-]+)(u?)\s+l=([\d.e+-]+)(u?).*$", re.I | re.M)
+COMPARATOR = re.compile(r"^[ \t]*\.subckt\s+comparator\s.*?^[ \t]*\.ends", re.I | re.M | re.S)
 
 
 def clocked(f: FrontEnd, cycles: int = 1, cycle_s: float = CYCLE_S) -> list[str]:
@@ -103,15 +103,25 @@ def thresholds(f: FrontEnd, cells: str, names: list[str], state: int = 0) -> NDA
     return (low + high) / 2
 
 
+def subcircuit(netlist: str) -> list[str]:
+    """Return the lines of the comparator's subcircuit."""
+    found = COMPARATOR.search(netlist)
+    if found is None:
+        raise InputError("the netlist must have a line '.ends' after '.subckt comparator'")
+    return found[0].splitlines()
+
+
 def varied(netlist: str, name: str, rng: np.random.Generator) -> str:
     """Return the comparator's subcircuit under another name, each transistor with a random threshold voltage."""
-    (body,) = re.findall(r"(?ims)^\.subckt comparator .*?^\.ends", netlist)
 
-    def vary(line: re.Match[str]) -> str:
-        w, length = (float(line[k]) * (1e6 if line[k + 1] == "" else 1) for k in (3, 5))
-        return f"{line[0]} delvto={rng.normal(0, MISMATCH_V_UM[line[2].lower()] / math.sqrt(w * length)):.5g}"
+    def vary(line: str) -> str:
+        for model, w_nm, l_nm in sizes(line):  # none, or that of the transistor
+            sigma_v = MISMATCH_V_UM["pfet" if "pfet" in model else "nfet"] / math.sqrt(w_nm * l_nm * 1e-6)
+            line += f" delvto={rng.normal(0, sigma_v):.5g}"
+        return line
 
-    return re.sub(r"(?i)^\.subckt comparator", f".subckt {name}", LINE.sub(vary, body))
+    first, *lines = subcircuit(netlist)
+    return "\n".join([re.sub(r"(?i)\.subckt\s+comparator", f".subckt {name}", first), *map(vary, lines)])
 
 
 def offset(f: FrontEnd, samples: int = 40, seed: int = 1) -> Data:
@@ -151,8 +161,7 @@ def kick_back(f: FrontEnd, input_v: float, capacitor_f: float) -> Data:
 
 def input_pair(f: FrontEnd) -> list[list[str]]:
     """Return the words of the two lines of the comparator whose gates are inp and inn."""
-    (body,) = re.findall(r"(?ims)^\.subckt comparator .*?^\.ends", f.cells)
-    words = [line.split() for line in body.splitlines() if line.strip().lower().startswith("m")]
+    words = [line.split() for line in subcircuit(f.cells) if line.strip().lower().startswith("m")]
     found: list[list[str]] = [next((line for line in words if line[2].lower() == gate), []) for gate in ("inp", "inn")]
     if not all(found):
         raise InputError("the netlist needs a transistor whose gate is inp, and one whose gate is inn")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from eskin.analog import ngspice
+from eskin.analog.characterise import varied
 from eskin.analog.circuit import PINS, FrontEnd, Taxel
 from eskin.analog.decision import compare, decide
 from eskin.analog.loop import different, play
@@ -46,6 +47,21 @@ def test_a_dac_has_the_bits_above_the_grid() -> None:
     assert Taxel(FrontEnd(), nlcs).reference_bits(64) == [False] * 7  # the middle of the scale
     assert TAXEL.reference_bits(-1) == [True] * 8
     assert Taxel(FrontEnd(), cw).width_levels(4) == [False, False, True]
+
+
+@pytest.mark.parametrize("size", ["w=2u l=1u", "w = 2e-6 l = 1u"])
+def test_every_transistor_of_a_comparator_has_mismatch(size: str) -> None:
+    pair = "\n".join(f"M{gate} out {gate} vss vss {NMOS} {size}" for gate in ("inp", "inn"))
+    netlist = f" .subckt  comparator {' '.join(PINS)}\n{pair}\n.ends"
+    first, *transistors, _ = varied(netlist, "other", np.random.default_rng(1)).splitlines()
+    assert first.split()[:2] == [".subckt", "other"]
+    shifts_v = [float(line.rpartition("delvto=")[2]) for line in transistors]
+    assert len({*shifts_v} - {0.0}) == 2
+
+
+def test_a_comparator_needs_an_end() -> None:
+    with pytest.raises(InputError, match=r"must have a line '\.ends' after '\.subckt comparator'"):
+        varied(f".subckt comparator {' '.join(PINS)}", "other", np.random.default_rng(1))
 
 
 @needs_ngspice
