@@ -34,7 +34,7 @@ def transistors(taxel: Taxel, gain: float) -> Ask:
 
 
 def behaviour(taxel: Taxel, gain: float, offset_v: float) -> Ask:
-    """Return comparators that are ideal but for their offsets: that of the taxel, and one that all share."""
+    """Return comparators that are ideal but for two offsets: the taxel's own, and ``offset_v`` of all."""
 
     def ask(x: float, reference: int, half_width: int) -> int:
         inputs_v = taxel.inputs_v(taxel.volts(x), reference, half_width, gain)
@@ -50,10 +50,9 @@ async def play(dut: Any) -> None:
     job = json.loads(os.environ[JOB])
     config, front_end = ReadoutConfig.from_dict(job["config"]), FrontEnd.from_dict(job["front_end"])
     signal = np.load(job["signal"])  # codes, shape (ticks, taxels)
-    comparators = transistors if job["offset_v"] is None else behaviour
-    more = {} if job["offset_v"] is None else {"offset_v": job["offset_v"]}
     taxels = [Taxel(front_end, config, (own[0], own[1])) for own in job["offsets_v"]]
-    ask: list[Ask] = [comparators(taxel, job["gain"], **more) for taxel in taxels]
+    gain, offset_v = job["gain"], job["offset_v"]
+    ask = [transistors(one, gain) if offset_v is None else behaviour(one, gain, offset_v) for one in taxels]
     block, clocks = Block(dut), len(signal) * config.clocks_per_sample
     decisions, strobes = np.zeros((clocks, config.taxels), np.uint8), np.zeros(config.taxels, np.int64)
     events, now = [], [0] * config.taxels

@@ -47,9 +47,9 @@ def clocked(f: FrontEnd, cycles: int = 1, cycle_s: float = CYCLE_S) -> list[str]
     return [f"Vck ckn 0 {waveform(f.supply_v, levels)}", "Xck ckn ck vdd 0 buffer", fine(FIRE_S)]
 
 
-def comparator(number: int | str = "", cell: str = "comparator", state: int = 0, supply_v: float = 1.8) -> list[str]:
+def comparator(f: FrontEnd, number: int | str = "", cell: str = "comparator", state: int = 0) -> list[str]:
     """Return a comparator with inputs p and n and loaded outputs, and the state of its latch."""
-    n = number
+    n, supply_v = number, f.supply_v
     return [
         f"Xc{n} ck p{n} n{n} op{n} on{n} vdd 0 {cell}",
         f"Co{n} op{n} 0 2f",
@@ -58,12 +58,25 @@ def comparator(number: int | str = "", cell: str = "comparator", state: int = 0,
     ]
 
 
+def inputs(f: FrontEnd, input_v: float, number: int | str = "") -> list[str]:
+    """Return the sources of the inputs of a comparator: n at half the supply, and p above it."""
+    half = f.supply_v / 2
+    return [f"Vp{number} p{number} 0 {half + input_v:.7g}", f"Vn{number} n{number} 0 {half:g}"]
+
+
+def answers(f: FrontEnd, lines: list[str], count: int, step: str) -> NDArray[np.bool_]:
+    """Return which of several clocked comparators, numbered from 0, answer with high."""
+    end = FIRE_S + 4e-9
+    measures = [f"o{number} find v(op{number}) at={end:g}" for number in range(count)]
+    found = simulate(f.circuit(*lines, f".tran {step} {1.01 * end:g}"), measures)
+    return np.array([found[f"o{number}"] > f.supply_v / 2 for number in range(count)])
+
+
 def energy(f: FrontEnd, input_v: float = 10e-3) -> Data:
     """Return the energy of a decision with its strobe's buffer: with an equal answer before, and with another."""
     found = {}
     for name, state in (("same_j", 1), ("flip_j", 0)):
-        lines = [*clocked(f), *comparator(state=state, supply_v=f.supply_v)]
-        lines += [f"Vp p 0 {f.supply_v / 2 + input_v:g}", f"Vn n 0 {f.supply_v / 2:g}", f".tran 1n {CYCLE_S:g}"]
+        lines = [*clocked(f), *comparator(f, state=state), *inputs(f, input_v), f".tran 1n {CYCLE_S:g}"]
         charge = simulate(f.circuit(*lines), [f"charge integ i(vdd) from=0.5n to={CYCLE_S:g}"])["charge"]
         found[name] = -f.supply_v * charge
     return found
@@ -73,8 +86,7 @@ def delays(f: FrontEnd, inputs_v: tuple[float, ...] = (100e-3, 10e-3, 1e-3, 0.1e
     """Return the delay from strobe to output for each input, and the time constant of the latch."""
     found = []
     for volts in inputs_v:
-        lines = [*clocked(f), *comparator(supply_v=f.supply_v)]
-        lines += [f"Vp p 0 {f.supply_v / 2 + volts:.8g}", f"Vn n 0 {f.supply_v / 2:g}", f".tran 1n {CYCLE_S / 2:g}"]
+        lines = [*clocked(f), *comparator(f), *inputs(f, volts), f".tran 1n {CYCLE_S / 2:g}"]
         half = f.supply_v / 2
         measure = f"delay trig v(ck) val={half:g} rise=1 targ v(op) val={half:g} rise=1"
         found.append(simulate(f.circuit(*lines), [measure, f"out find v(op) at={CYCLE_S / 2.2:g}"]).get("delay"))
@@ -90,15 +102,8 @@ def thresholds(f: FrontEnd, cells: str, names: list[str], state: int = 0) -> NDA
         middle = (low + high) / 2
         lines = [cells, *clocked(f)]
         for number, (name, volts) in enumerate(zip(names, middle, strict=True)):
-            lines += comparator(number, name, state, f.supply_v)
-            lines += [
-                f"Vp{number} p{number} 0 {f.supply_v / 2 + volts:.7g}",
-                f"Vn{number} n{number} 0 {f.supply_v / 2:g}",
-            ]
-        end = FIRE_S + 4e-9
-        measures = [f"o{number} find v(op{number}) at={end:g}" for number in range(len(names))]
-        found = simulate(f.circuit(*lines, f".tran 1n {1.01 * end:g}"), measures)
-        high_out = np.array([found[f"o{number}"] > f.supply_v / 2 for number in range(len(names))])
+            lines += [*comparator(f, number, name, state), *inputs(f, volts, number)]
+        high_out = answers(f, lines, len(names), "1n")
         low, high = np.where(high_out, low, middle), np.where(high_out, middle, high)
     return (low + high) / 2
 
@@ -142,7 +147,7 @@ def offset(f: FrontEnd, samples: int = 40, seed: int = 1) -> Data:
 
 def kick_back(f: FrontEnd, input_v: float, capacitor_f: float) -> Data:
     """Return the largest change of an input that a capacitor holds, and the change that stays after a decision."""
-    lines = [*clocked(f), *comparator(supply_v=f.supply_v), f"Cp p 0 {capacitor_f:g}", f"Cm n 0 {capacitor_f:g}"]
+    lines = [*clocked(f), *comparator(f), f"Cp p 0 {capacitor_f:g}", f"Cm n 0 {capacitor_f:g}"]
     level = f.supply_v / 2
     lines += [f".ic v(p)={level + input_v:g} v(n)={level:g}", f".tran 1n {CYCLE_S:g}"]
     measures = [
@@ -187,19 +192,14 @@ def noise(f: FrontEnd, inputs_v: tuple[float, ...] = (-0.4e-3, 0.0, 0.4e-3), cop
     gm = transconductance(f)
     density = 4 * BOLTZMANN_J_PER_K * (273.15 + f.temperature_c) * GAMMA * gm
     white = f"dc 0 trnoise({math.sqrt(density / (2 * FINE_S)):.5g} {FINE_S:g} 0 0)"
-    names = [str(number) for number in range(copies)]
     shares = []
     for seed, volts in enumerate(inputs_v, 1):
         lines = [f".options seed={seed}", *clocked(f)]
-        for n in names:
-            lines += comparator(n, supply_v=f.supply_v)
-            lines += [f"Vp{n} p{n} 0 {f.supply_v / 2 + volts:.7g}", f"Vn{n} n{n} 0 {f.supply_v / 2:g}"]
+        for n in range(copies):
+            lines += [*comparator(f, n), *inputs(f, volts, n)]
             for side, words in zip("pn", input_pair(f), strict=True):
                 lines.append(f"I{side}{n} xc{n}.{words[1]} xc{n}.{words[3]} {white}")
-        end = FIRE_S + 4e-9
-        measures = [f"o{n} find v(op{n}) at={end:g}" for n in names]
-        found = simulate(f.circuit(*lines, f".tran 50p {1.01 * end:g}"), measures)
-        shares.append(sum(found[f"o{n}"] > f.supply_v / 2 for n in names) / copies)
+        shares.append(float(answers(f, lines, copies, "50p").mean()))
     slope, at_zero = np.polyfit(inputs_v, norm.ppf(np.clip(shares, 0.5 / copies, 1 - 0.5 / copies)), 1)
     return {
         "gm_s": gm,
@@ -251,8 +251,7 @@ def leakage(taxel: Taxel) -> float:
         f"Vx x 0 {f.supply_v / 2:g}",
         f"Vs smpn 0 0\nVc convn 0 {f.supply_v:g}\nVk ckn 0 {f.supply_v:g}",
     ]
-    for name, bits in ("r", taxel.reference_bits(0)), ("h", taxel.width_levels(taxel.config.step)):
-        lines += [f"V{name}{bit} {name}{bit} 0 {f.supply_v * high:g}" for bit, high in enumerate(bits)]
+    lines += taxel.codes(0, taxel.config.step)
     return -f.supply_v * simulate(f.circuit(*lines, ".tran 1u 10u"), ["leak find i(vdd) at=9u"])["leak"]
 
 

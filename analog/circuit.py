@@ -193,6 +193,12 @@ class Taxel:
             bool((half_width // self.grid + self.config.encoder.strict) >> bit & 1) for bit in range(self.width_bits)
         ]
 
+    def codes(self, reference: int, half_width: int) -> list[str]:
+        """Return the sources of the lines r0.. and h0.., from a reference and a half-width in codes."""
+        lines = {f"r{bit}": high for bit, high in enumerate(self.reference_bits(reference))}
+        lines |= {f"h{bit}": high for bit, high in enumerate(self.width_levels(half_width))}
+        return [f"V{name} {name} 0 {self.front_end.supply_v * high:g}" for name, high in lines.items()]
+
     @property
     def units(self) -> int:
         """Unit capacitors of a side."""

@@ -54,18 +54,12 @@ class Decision:
     energy_j: float
     top_v: float  # of the ON side, just before the comparators fire
 
-    @property
-    def code(self) -> int:
-        """1 for above, plus 2 for below."""
-        return self.above + 2 * self.below
-
 
 def decide(taxel: Taxel, x_v: float, reference: int, half_width: int, period_s: float) -> Decision:
     """Return a decision; reference and half-width in codes. Nothing is kept from one decision to the next."""
     f = taxel.front_end
     lines = [*taxel.netlist(), f"Vx x 0 {x_v:.7g}", *phases(period_s, f.supply_v), fine(FIRES * period_s)]
-    for name, bits in ("r", taxel.reference_bits(reference)), ("h", taxel.width_levels(half_width)):
-        lines += [f"V{name}{bit} {name}{bit} 0 {f.supply_v * high:g}" for bit, high in enumerate(bits)]
+    lines += taxel.codes(reference, half_width)
     at = TRACKS * period_s
     names = ("above", "below")[: len(taxel.sides)]
     measures = [f"{name} find v({name}) at={at:.6g}" for name in names]

@@ -61,21 +61,21 @@ def decision_j() -> tuple[float, float]:
     return energies[dac["references"].index(0)], float(np.interp(grid, dac["references"], energies).mean())
 
 
-def idle_w(encoding: str, mean: bool = True) -> dict[str, float]:
-    """Return the power of a taxel without events: digital part, and comparators with DAC."""
+def idle_w(mean: bool = True) -> dict[str, float]:
+    """Return the power of a taxel of LCS 6 b without events: digital part, and comparators with DAC."""
     analog_w = decision_j()[mean] * TICK_HZ + comparator_report()["corners"]["rows"][0]["leakage_w"]
-    return {"digital": netlists()[f"{encoding}-analog-8x8-ihp"]["idle_w_per_taxel"], "analog": analog_w}
+    return {"digital": netlists()["lcs-analog-8x8-ihp"]["idle_w_per_taxel"], "analog": analog_w}
 
 
 def analog_targets() -> Rows:
     """Yield the targets and results for LCS 6 b."""
-    idle, event = sum(idle_w("lcs").values()), decision_j()[True]
+    idle, event = sum(idle_w().values()), decision_j()[True]
     rows = (
         ("power without events, nW per taxel", 25, idle * 1e9),
         ("energy of an event in comparators and DAC, pJ", 1, event * 1e12),
     )
     for text, most, value in rows:
-        yield [text, str(most), digits(value, 3) if value else "0", "met" if value <= most else "not met"]
+        yield [text, str(most), digits(value, 3), "met" if value <= most else "not met"]
 
 
 def analog_power() -> Rows:
@@ -83,7 +83,7 @@ def analog_power() -> Rows:
     rate_hz = array_hz(*SCAN, "lcs", 6) / TAXELS
     report = netlists()["lcs-analog-8x8-ihp"]
     decision = decision_j()[True]
-    idle = idle_w("lcs")
+    idle, at_zero = idle_w(), idle_w(mean=False)
     moving = report["energy_per_texture_event_j"] * rate_hz, decision * rate_hz
     paper = breakdown()
     parts = paper["lcs"]["converter_parts"]
@@ -95,12 +95,7 @@ def analog_power() -> Rows:
         cells = ("" if watts is None else digits(watts * 1e9, 3) for watts in (digital_w, analog_w))
         return [text, *cells, digits(total_w * 1e9, 3)]
 
-    yield row(
-        "LCS, no events, reference at 0",
-        idle["digital"],
-        idle_w("lcs", False)["analog"],
-        sum(idle_w("lcs", False).values()),
-    )
+    yield row("LCS, no events, reference at 0", at_zero["digital"], at_zero["analog"], sum(at_zero.values()))
     yield row("LCS, no events, mean over references", idle["digital"], idle["analog"], sum(idle.values()))
     both = [a + b for a, b in zip(idle.values(), moving, strict=True)]
     yield row(f"LCS on the textures, {rate_hz:,.0f} events/s a taxel", *both, sum(both))

@@ -73,7 +73,7 @@ def test_a_decision_from_the_charge_is_that_of_the_whole_taxel() -> None:
             x_v = TAXEL.front_end.supply_v / 2 + (threshold * gain + away) * TAXEL.unit_v
             whole = decide(TAXEL, x_v, reference, LCS.step, 1 / 1.28e6)
             above, below = compare(TAXEL, x_v, reference, LCS.step, gain)
-            assert whole.code == expected == above + 2 * below
+            assert whole.above + 2 * whole.below == expected == above + 2 * below
             assert 0.1e-12 < whole.energy_j < 1e-12
 
 
