@@ -110,7 +110,7 @@ def measure(
     flat = flatten(text, top, library.content)
     cells = models(library, {cell.kind for cell in flat.cells})
     with tempfile.TemporaryDirectory() as name:
-        played, due = _played(config, flat, cells, Path(name))
+        played, due, asked = _played(config, flat, cells, Path(name))
     results: list[dict[str, Any]] = []
     uses: dict[str, dict[str, CellActivity]] = {}
     for pitch in pitches_um:
@@ -127,19 +127,22 @@ def measure(
             results.append({"pitch_um": pitch, APART: str(apart)})
             continue
         sent = {"netlist": sum(stretch.events for stretch in found.values()), "rtl": due}
-        results.append(_summary(config, flat, library, pitch, found) | {"gate_level_events": sent})
+        results.append(_summary(config, flat, library, pitch, found) | asked | {"gate_level_events": sent})
     return results
 
 
 def _played(
     config: ReadoutConfig | FrameConfig, flat: FlatNetlist, cells: str, folder: Path
-) -> tuple[dict[str, tuple[Activity, int]], int]:
-    """Return net activity and events of each scenario, and the number of expected events."""
+) -> tuple[dict[str, tuple[Activity, int]], int, dict[str, dict[str, int]]]:
+    """Return net activity and events of each scenario, the number of expected events, and any comparisons."""
     if isinstance(config, FrameConfig):
         seen = frame_bench.play(config, flat, cells, folder)
-        return seen, sum(samples for _, samples in seen.values())
-    chosen = scenarios(config)
-    return {s.name: play(s, config, flat, cells, folder) for s in chosen}, sum(s.events_inside for s in chosen)
+        return seen, sum(samples for _, samples in seen.values()), {}
+    chosen, asked = scenarios(config), {}
+    if config.frontend == "analog":  # for the energy of the comparators outside
+        asked = {"comparisons": {s.name: comparisons(config, s) for s in chosen}}
+    played = {s.name: play(s, config, flat, cells, folder) for s in chosen}
+    return played, sum(s.events_inside for s in chosen), asked
 
 
 def _summary(
@@ -166,9 +169,6 @@ def _summary(
         "energy_per_lone_event_j": energy(LONE, CLOSING if CLOSING in found else IDLE),  # few events: windows close
         "energy_per_texture_event_j": energy(TEXTURE),
     }
-    asked = {}
-    if isinstance(config, ReadoutConfig) and config.frontend == "analog":  # for the energy of the comparators outside
-        asked = {"comparisons": {scenario.name: comparisons(config, scenario) for scenario in scenarios(config)}}
     closing = {}
     if isinstance(config, ReadoutConfig) and CLOSING in found:
         power = found[CLOSING].power_w / taxels
@@ -191,7 +191,6 @@ def _summary(
         **{name: value for name, value in energies.items() if value is not None},
         "idle_w_per_taxel": idle.power_w / taxels,
         **closing,
-        **asked,
         "leakage_w_per_taxel": idle.leakage_w / taxels,
         "scenarios": {name: vars(stretch) | {"power_w": stretch.power_w} for name, stretch in found.items()},
     }
