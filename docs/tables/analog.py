@@ -99,7 +99,9 @@ def analog_power() -> Rows:
     yield row("LCS, no events, mean over references", idle["digital"], idle["analog"], sum(idle.values()))
     both = [a + b for a, b in zip(idle.values(), moving, strict=True)]
     yield row(f"LCS on the textures, {rate_hz:,.0f} events/s a taxel", *both, sum(both))
-    yield row("the same, comparators and DAC by the paper's equations", both[0], equations_w, both[0] + equations_w)
+    yield row(
+        "LCS on the textures, comparators and DAC by the paper's equations", both[0], equations_w, both[0] + equations_w
+    )
     sar_w = 6 * one_side_j * FRAME_HZ
     yield row(f"frames of {FRAME_HZ} Hz, SAR of 6 b", frame_digital_w, sar_w, frame_digital_w + sar_w)
     fast_w = 6 * one_side_j * TICK_HZ
