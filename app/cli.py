@@ -11,15 +11,13 @@ import typer
 import typer.core
 
 from eskin.app.catalogue import ABOUT, ABOUT_DEV, CHECKS, COMMANDS, DEV, overview, sections
-from eskin.app.leave import leave_quietly
+from eskin.app.leave import EXIT_INPUT_ERROR, leave_quietly
 from eskin.app.options import SHARED, check_outputs
 from eskin.app.refusals import check_options
 from eskin.base.errors import InputError
 from eskin.base.outputs import remove_empty
 from eskin.base.packages import missing
 from eskin.base.workers.garbage import collect_seldom
-
-EXIT_INPUT_ERROR = 2
 
 OF_THIS_RUN = {"out", "workers", "scheduler"}
 """Options that do not change the result."""

@@ -16,12 +16,11 @@ import sys
 from typing import Any
 
 from eskin.app.catalogue import COMMANDS, sections, summaries, words_of
-from eskin.app.leave import leave_quietly
+from eskin.app.leave import EXIT_INPUT_ERROR, leave_quietly
 from eskin.app.setup import APART, BASE, VENV, groups, install, install_apart, missing, python
 from eskin.app.uv import SetupError
 from eskin.board.bitstream.boards import BOARDS
 
-EXIT_INPUT_ERROR = 2
 YES, NO = ("1", "yes", "true"), ("", "0", "no", "false")
 
 SWITCHES = {tuple(found.switch.split()): name for name, found in COMMANDS.items() if found.switch}
