@@ -3,6 +3,7 @@
 import re
 import statistics
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -163,6 +164,7 @@ LEVEL_PAIRS = [
 """Comparisons on the other repetition; Holm's correction is for all of them."""
 
 
+@cache  # each takes seconds, and several documents need them
 def level_pairs() -> list[tuple[dict[str, Any], dict[str, Any], Pair, float]]:
     """Return both points of each comparison, the comparison over their common seeds, and the corrected p value."""
     report = finger_report()
