@@ -309,6 +309,7 @@ class Frontier:
                 names = [missing[Cell(point, *pair, inner)] for pair in part]
                 key = digest([self._store.code, names])
                 yield Task(train_cells, (experiment, part, inner, self._device), shared, key, names)
+            self._pool.forget(shared.name)  # all tasks with these scans have started
 
     def _name(self, cell: Cell) -> str:
         found = digest(cell.point.experiment(self._dataset).to_dict())
