@@ -40,11 +40,11 @@ from eskin.snn.experiments.intervals import bootstrap
 from eskin.snn.experiments.pairs import compare, right_of
 from eskin.snn.experiments.points import Sweep, as_word, load_sweep
 from eskin.snn.experiments.settings import experiment_of
-from eskin.snn.experiments.sweep import coded_bps
+from eskin.snn.experiments.sweep import NEEDS, coded_bps
 from eskin.snn.reference import LEAST_RATE, logistic_classes
 from studies.drawing import draw_accuracies
 from studies.fig9 import KEPT, NAMES
-from studies.networks import NEEDS, Cells, logits_after
+from studies.networks import Cells, logits_after
 from studies.noise_power import Rates, power_of
 from studies.study import Data, Result, run, work_of
 

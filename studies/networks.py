@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.files import digest, read_json
-from eskin.base.workers.engine import Needs, Pool, each
+from eskin.base.workers.engine import Pool, each
 from eskin.base.workers.store import Store
 from eskin.skin.textures.dataset import open_dataset
 from eskin.snn.data.scans import ScanData
@@ -117,9 +117,6 @@ def trained_networks(scenes: bool = False) -> list[Subject]:
         )
     return found
 
-
-NEEDS = Needs(("base", "model", "skin", "snn"), ("torch", "numpy"))
-"""Packages and libraries that determine the answers of networks."""
 
 Answers = Callable[[Sequence[Subject], Mapping[str, Any]], list[dict[str, Any]]]
 """Function that returns labels and answers of networks in a case."""

@@ -34,8 +34,9 @@ from eskin.snn.data.record import recorded, said_of
 from eskin.snn.data.scans import ScanData, collect
 from eskin.snn.exchange.weights import config_of
 from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.sweep import NEEDS
 from studies.drawing import draw_networks, network_styles
-from studies.networks import NEEDS, Cells, Subject, all_pairs, by_case, in_words, score_of, tested, trained_networks
+from studies.networks import Cells, Subject, all_pairs, by_case, in_words, score_of, tested, trained_networks
 from studies.study import Data, Result, run, work_of
 
 if TYPE_CHECKING:

@@ -22,8 +22,9 @@ from eskin.model.classifier.network import IntegerNetwork
 from eskin.snn.exchange.integer import Precision, quantise
 from eskin.snn.experiments.intervals import scored
 from eskin.snn.experiments.points import as_word
+from eskin.snn.experiments.sweep import NEEDS
 from studies.drawing import MARKERS, draw_accuracies, family
-from studies.networks import NEEDS, Cells, Subject, by_case, right_by_image, tested, trained_networks
+from studies.networks import Cells, Subject, by_case, right_by_image, tested, trained_networks
 from studies.study import Data, Result, run, work_of
 
 if TYPE_CHECKING:

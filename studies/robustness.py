@@ -24,8 +24,9 @@ from eskin.snn.data.disturb import DISTURBANCES, record_disturbed
 from eskin.snn.data.scans import ScanData, collect
 from eskin.snn.exchange.weights import config_of
 from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.sweep import NEEDS
 from studies.drawing import draw_networks, network_styles
-from studies.networks import NEEDS, Cells, Subject, by_case, score_of, tested, trained_networks
+from studies.networks import Cells, Subject, by_case, score_of, tested, trained_networks
 from studies.study import Data, Result, run, work_of
 
 if TYPE_CHECKING:
