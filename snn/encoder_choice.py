@@ -22,7 +22,8 @@ from eskin.skin.recordings.options import PER_TAXEL, Baseline, Preparation
 from eskin.skin.recordings.quality import MAX_CLOCKS
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.folds import check_classes, matching, possible_folds, stratified_folds
-from eskin.snn.data.scans import ScanData, Split, filled
+from eskin.snn.data.scans import ScanData, filled
+from eskin.snn.experiments.inner import judged
 from eskin.snn.experiments.recipes import RECIPES, epochs_for, for_recordings
 
 MAX_JUDGED = 350
@@ -119,15 +120,15 @@ class EncoderChoice(Fit):
             found, part, updates = [], parts[number % len(parts)], UPDATES[number]
             for place, (options, tried) in enumerate(candidates):
                 scans, bps = _scans(tried, recordings[options][some], labels, bin_s)
-                wrong, loss = _short_training(scans, part, updates)
-                found.append(Judged(wrong, loss, place, bps, options, tried))
+                right, loss = _short_training(scans, part, updates)
+                found.append(Judged(len(part) - right, loss, place, bps, options, tried))
                 said: dict[str, Any] = {
                     "encoding": tried.encoding,
                     "resolution": tried.resolution,
                     "baseline": options.baseline,
                 }
                 said |= {"scale": options.scale, "bits_per_s": bps, "updates": updates}
-                scores.append(said | {"right": len(part) - wrong, "of": len(part), "log_loss": loss})
+                scores.append(said | {"right": right, "of": len(part), "log_loss": loss})
                 progress()
             return sorted(found)
 
@@ -201,11 +202,8 @@ def _scans(
 
 
 def _short_training(data: ScanData, part: NDArray[np.int64], updates: int) -> tuple[int, float]:
-    """Return the errors and the log loss on a part of the recordings, after a training on the others."""
-    from scipy.special import log_softmax
-
+    """Return the number of correct recordings of a part, and their log loss, after a training on the others."""
     from eskin.snn.network_config import NetworkConfig
-    from eskin.snn.train import logits_of, train
     from eskin.snn.training import TrainConfig, parted
 
     learned = np.setdiff1d(np.arange(len(data)), part)
@@ -215,7 +213,4 @@ def _short_training(data: ScanData, part: NDArray[np.int64], updates: int) -> tu
     made = TrainConfig.from_dict(training)
     made = dataclasses.replace(made, epochs=epochs_for(len(learned), made.windows, made.batch, updates))
     shape = {"inputs": data.channels, "classes": len(data.class_names)}
-    done = train(Split(data, learned), NetworkConfig.from_dict(network | shape), made, 0)
-    logits = logits_of(done.network, data, part).astype(float)
-    wrong = int((logits.argmax(1) != data.labels[part]).sum())
-    return wrong, -float(log_softmax(logits, 1)[np.arange(len(part)), data.labels[part]].mean())
+    return judged(data, learned, part, NetworkConfig.from_dict(network | shape), made, 0)

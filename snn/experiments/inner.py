@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_softmax
 
 from eskin.snn.data.folds import INNER_FOLDS, inner_part, possible_folds
 from eskin.snn.data.scans import ScanData, Split
 from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.network_config import NetworkConfig
+from eskin.snn.training import TrainConfig
 
 SHARES = (8, 4)
 """Parts of the epochs in each round; after a round, the better half of the candidates remains."""
@@ -26,15 +27,12 @@ def choose(
     """Return the candidate that classifies the inner validation part best, and the scores of all short trainings.
 
     The number of correct recordings decides, then fixed decays, which need no memory in the hardware, then the log
-    loss. The first candidate wins where a class has one
-    recording or group.
+    loss. The first candidate wins where a class has one recording or group.
 
     - ``data``: returns the scans of a candidate.
     - ``images``: training recordings.
     - ``told``: called with a line for every short training.
     """
-    from eskin.snn.train import logits_of, train
-
     first = data(candidates[0])
     labels, groups = first.image_labels, first.groups
     of_images = [groups[image] for image in images] if groups else ()
@@ -43,15 +41,12 @@ def choose(
     left, scores = list(range(len(candidates))), []
     for number, share in enumerate(SHARES):
         part = inner_part(labels, images, seed + number, groups)
-        ranked = []
+        learned, ranked = np.setdiff1d(images, part), []
         for candidate in left:
             made = candidates[candidate]
             scans = data(made)
             short = dataclasses.replace(made.train, epochs=max(made.train.epochs // share, 1))
-            done = train(Split(scans, np.setdiff1d(images, part)), made.network_config(scans), short, seed)
-            logits = logits_of(done.network, scans, scans.first_scans(part)).astype(float)
-            right = int((logits.argmax(1) == labels[part]).sum())
-            loss = -float(log_softmax(logits, 1)[np.arange(len(part)), labels[part]].mean())
+            right, loss = judged(scans, learned, part, made.network_config(scans), short, seed)
             score = {"bin_s": made.bins.bin_s, "learn_decay": bool(made.network.get("learn_decay", False))}
             scores.append(score | {"epochs": short.epochs, "right": right, "of": len(part), "log_loss": loss})
             decays = "learned" if score["learn_decay"] else "fixed"
@@ -62,3 +57,21 @@ def choose(
             ranked.append((-right, score["learn_decay"], loss, candidate))
         left = [candidate for *_, candidate in sorted(ranked)[: -(-len(left) // 2)]]
     return candidates[left[0]], scores
+
+
+def judged(
+    data: ScanData,
+    learned: NDArray[np.int64],
+    part: NDArray[np.int64],
+    network: NetworkConfig,
+    training: TrainConfig,
+    seed: int,
+) -> tuple[int, float]:
+    """Return the number of correct recordings of a part, and their log loss, after a training on others."""
+    from scipy.special import log_softmax
+
+    from eskin.snn.train import logits_of, train
+
+    done, labels = train(Split(data, learned), network, training, seed), data.image_labels[part]
+    logits = logits_of(done.network, data, data.first_scans(part)).astype(float)
+    return int((logits.argmax(1) == labels).sum()), -float(log_softmax(logits, 1)[np.arange(len(part)), labels].mean())
