@@ -14,7 +14,7 @@ from eskin.snn.network_config import NetworkConfig
 from eskin.snn.training import TrainConfig
 
 SHARES = (8, 4)
-"""Parts of the epochs in each round; after a round, the better half of the candidates remains."""
+"""Parts of the epochs in each round; after a round, the better half of the candidates remains, until one is left."""
 
 
 def choose(
@@ -40,6 +40,8 @@ def choose(
         return candidates[0], []
     left, scores = list(range(len(candidates))), []
     for number, share in enumerate(SHARES):
+        if len(left) == 1:
+            break
         part = inner_part(labels, images, seed + number, groups)
         learned, ranked = np.setdiff1d(images, part), []
         for candidate in left:

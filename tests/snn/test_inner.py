@@ -42,6 +42,8 @@ def test_short_trainings_choose_what_learns() -> None:
     assert [score["epochs"] for score in scores] == [2, 2, 2, 4, 4]
     assert len(lines) == len(scores)
     assert choose(candidates, lambda _: data, images, 0, lines.append)[1] == scores
+    found, of_two = choose(candidates[:2], lambda _: data, images, 0, lines.append)
+    assert (found, of_two) == (made, scores[:2]), "the last one is not trained again"
     few = np.array([0, 1, 20, 21])
     assert choose(candidates, lambda _: data, few, 0) == (candidates[0], []), "too few to set some apart"
     tests = dataclasses.replace(data, values=np.where(np.isin(np.arange(40), images)[:, None, None], data.values, 9))
