@@ -124,10 +124,9 @@ def train_whole(
     experiment: Experiment,
     data: ScanData,
     seed: int,
-    out: Path,
+    checkpoint: Checkpoint,
     tested: dict[str, Any],
     *,
-    checkpoint_every: int = 5,
     device: str = "cpu",
     progress: Callable[[Epoch], None] | None = None,
 ) -> None:
@@ -135,13 +134,14 @@ def train_whole(
 
     ``tested`` is the result of ``train_fold`` with the same settings; the other parameters are those of ``train_fold``.
     """
+    out = checkpoint.path.parent
     training = train(
         Split(data, np.arange(len(data.names))),
         experiment.network_config(data),
         experiment.train,
         seed,
         progress=progress,
-        checkpoint=Checkpoint(out / "checkpoint.pt", checkpoint_every),
+        checkpoint=checkpoint,
         device=device,
     )
     whole = {"fold": 0, "folds": 1, "labels": [], "predicted": [], "test_images": []}

@@ -84,21 +84,21 @@ def train(
     _print_data(chosen, folds, noun)
     made, chosen, more = _chosen(make, made, chosen, seed)
     data = chosen.data
-    options: dict[str, Any] = {"device": device, "watch_test": watch_test}
+    options: dict[str, Any] = {"device": device, "watch_test": watch_test, "more": more}
 
     def kept(out: Path) -> Checkpoint:
-        return Checkpoint(out / tested / "checkpoint.pt", checkpoint_every)
+        return Checkpoint(out / "checkpoint.pt", checkpoint_every)
 
     with _epochs(made, data) as progress:
         try:
-            training, result = train_fold(made, chosen, seed, kept(out), progress=progress, more=more, **options)
+            training, result = train_fold(made, chosen, seed, kept(out / tested), progress=progress, **options)
         except OtherTraining:
             if chosen_out is not None:
                 raise
             out = OUT.with_name(_name_of(made, chosen, seed))
             echo(f"{OUT} holds another training; this one goes to {out}", file=sys.stderr)
             output_folder(out / tested, *FILES)
-            training, result = train_fold(made, chosen, seed, kept(out), progress=progress, more=more, **options)
+            training, result = train_fold(made, chosen, seed, kept(out / tested), progress=progress, **options)
     _print_result(training, result, data, noun)
     if watch_test:
         best = max(training.history, key=lambda epoch: epoch.held_out or 0.0)
@@ -106,9 +106,8 @@ def train(
     pictures = draw_training(result, [data.names[number] for number in chosen.test], out / tested)
     if every:
         print(f"training on all {len(data.names)} {noun}")
-        del options["watch_test"]
         with _epochs(made, data) as progress:
-            train_whole(made, data, seed, out, result, checkpoint_every=checkpoint_every, progress=progress, **options)
+            train_whole(made, data, seed, kept(out), result, device=device, progress=progress)
     echo(f"result: {out / 'result.json'}, weights: {out / 'weights.npz'}")
     echo(f"{'picture' if len(pictures) == 1 else 'picture and page'}: {', '.join(map(str, pictures))}")
     _print_next(made, out)
