@@ -94,11 +94,8 @@ class OtherTraining(InputError):  # the sentence a user reads
     """Raised for a checkpoint of a training with other parameters, data or seed."""
 
 
-def load_checkpoint(path: Path, training: Training, key: str) -> None:
-    """Restore the state of a training from a checkpoint.
-
-    Raise InputError if the file is damaged, or was written by a training with other parameters, data or seed.
-    """
+def own_checkpoint(path: Path, key: str) -> dict[str, Any]:
+    """Return the content of a checkpoint; raise InputError as ``load_checkpoint``."""
     content = read_checkpoint(path)
     with _whole(path):
         if content["key"] != key:
@@ -107,6 +104,16 @@ def load_checkpoint(path: Path, training: Training, key: str) -> None:
                 f"checkpoint {path} belongs to another configuration ({found}); "
                 f"remove it or choose another folder with --out"
             )
+    return content
+
+
+def load_checkpoint(path: Path, training: Training, key: str) -> None:
+    """Restore the state of a training from a checkpoint.
+
+    Raise InputError if the file is damaged, or was written by a training with other parameters, data or seed.
+    """
+    content = own_checkpoint(path, key)
+    with _whole(path):
         training.network.load_state_dict(content["network"])
         training.optimizer.load_state(content["optimizer"])
         training.history = [Epoch(**epoch) for epoch in content["history"]]

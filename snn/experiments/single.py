@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 from eskin.base.files import write_json
 from eskin.skin.recordings.event_files import signal_statistics
-from eskin.snn.checkpoint import Checkpoint
+from eskin.snn.checkpoint import Checkpoint, fingerprint, own_checkpoint
 from eskin.snn.data.folds import check_classes, matching, possible_folds, stratified_folds
 from eskin.snn.data.recordings import own_readout
 from eskin.snn.data.scans import ScanData, Split
@@ -118,6 +118,14 @@ def train_fold(
     write_json(out / "result.json", result)
     save_weights(out / "weights.npz", Weights(training.network, data.class_names, data.step_s))
     return training, result
+
+
+def check_whole(experiment: Experiment, data: ScanData, seed: int, checkpoint: Checkpoint) -> None:
+    """Raise InputError if there is a checkpoint of another training than ``train_whole``."""
+    if checkpoint.path.exists():
+        split = Split(data, np.arange(len(data.names)))
+        key = fingerprint(split, experiment.network_config(data), experiment.train, seed)
+        own_checkpoint(checkpoint.path, key)
 
 
 def train_whole(

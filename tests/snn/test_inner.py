@@ -106,3 +106,21 @@ def test_the_delivered_network_can_be_trained_on_all_recordings(folder: Path, es
     eskin("quantise", "out/train/weights.npz")
     _, error = eskin("quantise", "out/train/weights.npz", "--accuracy", "-o", "other.npz", code=2)
     assert "weights.npz was trained on all recordings, so --accuracy has no test recordings" in error
+
+
+def test_a_training_on_all_recordings_leaves_another_one_alone(folder: Path, eskin: Any) -> None:
+    write_skin(folder / "skin", taxels=4, each=6)
+    given = "train --data skin --folds 2 --encoding lcs --resolution 4 --baseline first --epochs 1 --set hidden=8"
+    eskin(*given.split())
+    before = Path("out/train/weights.npz").read_bytes()
+    _, error = eskin(*f"{given} --all --out out/train".split(), code=2)
+    assert "checkpoint out/train/checkpoint.pt belongs to another configuration (other images)" in error
+    assert not Path("out/train/tested/checkpoint.pt").exists(), "refused before the first training"
+    places = []
+    for options in ("--seed 1", "--seed 1 --all"):
+        out, error = eskin(*f"{given} {options}".split())
+        places.append(out.split("weights: ")[-1].split("/weights.npz")[0])
+        assert f"out/train holds another training; this one goes to {places[-1]}" in error
+    assert len(set(places)) == 2
+    assert Path(places[1], "tested", "result.json").exists()
+    assert Path("out/train/weights.npz").read_bytes() == before

@@ -76,7 +76,7 @@ def train(
     with bar("recording scans") as step:
         data = made.data(step)
     from eskin.snn.checkpoint import Checkpoint, OtherTraining
-    from eskin.snn.experiments.single import Fold, train_fold, train_whole
+    from eskin.snn.experiments.single import Fold, check_whole, train_fold, train_whole
     from eskin.snn.figures.training import draw_training
 
     chosen = Fold.choose(data, fold, folds) if test is None else Fold.named(data, test)
@@ -89,16 +89,21 @@ def train(
     def kept(out: Path) -> Checkpoint:
         return Checkpoint(out / "checkpoint.pt", checkpoint_every)
 
+    def on_fold(out: Path) -> tuple[Training, dict[str, Any]]:
+        if every:  # before a long training
+            check_whole(made, data, seed, kept(out))
+        return train_fold(made, chosen, seed, kept(out / tested), progress=progress, **options)
+
     with _epochs(made, data) as progress:
         try:
-            training, result = train_fold(made, chosen, seed, kept(out / tested), progress=progress, **options)
+            training, result = on_fold(out)
         except OtherTraining:
             if chosen_out is not None:
                 raise
-            out = OUT.with_name(_name_of(made, chosen, seed))
+            out = OUT.with_name(_name_of(made, chosen, seed, every))
             echo(f"{OUT} holds another training; this one goes to {out}", file=sys.stderr)
             output_folder(out / tested, *FILES)
-            training, result = train_fold(made, chosen, seed, kept(out / tested), progress=progress, **options)
+            training, result = on_fold(out)
     _print_result(training, result, data, noun)
     if watch_test:
         best = max(training.history, key=lambda epoch: epoch.held_out or 0.0)
@@ -189,9 +194,10 @@ def _print_result(training: Training, result: dict[str, Any], data: ScanData, no
             print(line)
 
 
-def _name_of(made: Experiment, fold: Fold, seed: int) -> str:
+def _name_of(made: Experiment, fold: Fold, seed: int, every: bool) -> str:
     """Return a folder name for a training: data, readout, and a digest of all settings."""
     own = made.to_dict() | {"tested": fold.test.tolist(), "seed": seed, "names": fold.data.names}
+    own |= {"all": True} if every else {}
     digest = hashlib.sha256(json.dumps(own, sort_keys=True, default=str).encode()).hexdigest()[:6]
     what, readout = made.preset, made.readout
     if made.events is not None:
