@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 Plot = Callable[[dict[str, Any], Path], None]
 DEFAULT_OUT = Path("out")
 Out = Annotated[Path, out_folder(..., "DIR", "folder for data and picture")]
-DataOut = Annotated[
-    Path | None, out_folder(..., "--data-out", "DIR", "folder for the data [folder of the picture]", show_default=False)
-]
 Settings = Annotated[list[str] | None, opt(..., "--set", "NAME=NUMBER", "change a parameter, repeatable")]
 Synthesis = Annotated[
     list[Path] | None, opt(..., "FILE", "synthesis report (JSON) of a readout's digital part, repeatable")
