@@ -73,6 +73,7 @@ OPTIONS = {
     "docs": {"--again", "--check"},
     "tests": set(),
     "pip": {"--no-deps", "-c"},
+    "dask": {"--host", "--port", "--no-dashboard", "--nthreads", "--nworkers"},
 }
 """Options of programs that ``python -m`` runs, by their package."""
 
