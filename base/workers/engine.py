@@ -39,6 +39,9 @@ from eskin.base.workers.store import Store
 
 SPARE = 2  # tasks that wait in a queue and keep the workers busy
 MAX_DEATHS = 3  # repetitions of a task after a process died; Dask allows as many
+SOURCES = ("*.py", "*.cpp", "*.v", "*.sv", "*.toml", "*.rdl", "*.json")
+"""Files of a package that determine results: code, properties and points, waivers, registers, rates."""
+
 CONNECT_S, WORKERS_S = 5.0, 10.0
 """Time limits in seconds for the answer of a scheduler, and for its first worker."""
 
@@ -87,7 +90,7 @@ def version(needs: Needs) -> str:
     found = hashlib.sha256()
     for package in needs.packages:
         folder = Path(str(importlib.import_module(f"eskin.{package}").__file__)).parent
-        for path in sorted(path for kind in ("*.py", "*.cpp", "*.v") for path in folder.rglob(kind)):
+        for path in sorted(path for kind in SOURCES for path in folder.rglob(kind)):
             found.update(f"{path.relative_to(folder.parent)}\0".encode() + path.read_bytes() + b"\0")
     versions = [f"{name} {importlib.metadata.version(name)}" for name in needs.libraries]
     return ", ".join([found.hexdigest()[:16], *versions])

@@ -2,9 +2,11 @@
 
 import os
 import signal
+import sys
 import time
 from contextlib import ExitStack
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import distributed
@@ -12,7 +14,7 @@ import numpy as np
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.base.workers.engine import Cluster, Local, Needs, Shared, each
+from eskin.base.workers.engine import Cluster, Local, Needs, Shared, each, version
 from eskin.base.workers.store import Store
 
 
@@ -37,6 +39,23 @@ def die_once(marker: Path, number: int) -> int:
 def die(number: int) -> int:
     os.kill(os.getpid(), signal.SIGKILL)
     return number
+
+
+@pytest.mark.parametrize(
+    "name", ["properties.toml", "points/merge.sv", "eskin_registers.rdl", "run.py", "event_rates.json"]
+)
+def test_a_version_is_of_all_that_determines_results(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    package = ModuleType("eskin.drawn")
+    package.__file__ = str(tmp_path / "__init__.py")
+    monkeypatch.setitem(sys.modules, "eskin.drawn", package)
+    found = set()
+    for text in ("1", "2"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+        found.add(version.__wrapped__(Needs(("drawn",), ())))
+    assert len(found) == 2
 
 
 @pytest.mark.parametrize(("workers", "threads"), [(1, False), (2, False), (3, True)])
