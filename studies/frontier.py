@@ -83,7 +83,7 @@ SWEEPS = {"rates-cnn": "convolutions", "rates-paper": "paper"}
 """Networks of the sweeps of the project whose points belong to the frontier: all taxels, ``paper`` scans."""
 
 BUDGETS_HZ = (300, 1_000, 2_200, 10_000)
-"""Highest event rates of the readouts that are compared; 2,200 events/s are those of the INTUITIVE chip."""
+"""Approximate event rates of the readouts that are compared; 2,200 events/s are those of the INTUITIVE chip."""
 
 CANDIDATES: dict[str, dict[str, tuple[str, ...]]] = {
     "physical": {

@@ -23,7 +23,7 @@ from eskin.snn.data.scans import ScanData
 from eskin.snn.exchange.weights import Weights, load_weights
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.intervals import scored
-from eskin.snn.experiments.pairs import compare
+from eskin.snn.experiments.pairs import common_answers, compare
 from eskin.snn.experiments.points import as_word
 from eskin.snn.experiments.trained import read_result
 
@@ -209,12 +209,10 @@ def paired(points: Sequence[dict[str, Any]], first: str, second: str, of: Sequen
         same = [p for p in points if p["network"] == second and all(p[name] == point[name] for name in of)]
         if point["network"] != first or not same:
             continue
-        answers = [{(one["fold"], one["seed"]): one for one in p["answers"]} for p in (point, same[0])]
-        cells = sorted(answers[0].keys() & answers[1].keys())
-        if not cells:
+        answers = common_answers(point, same[0])
+        if not answers.labels:
             continue
-        labels = "".join(answers[0][cell]["labels"] for cell in cells)
-        result = compare(labels, *(["".join(own[cell]["predicted"] for cell in cells)] for own in answers))
+        result = compare(*answers)
         of_seed = {name: getattr(result, name)[0] for name in ONE_SEED}
         about = {"first": first, "second": second} | {name: point[name] for name in of}
         found.append(about | {"images": result.images} | of_seed)

@@ -2,11 +2,13 @@
 
 from typing import Any
 
-from docs.tables.finger import finger_level_values, finger_played
-from docs.tables.frontier import BIPOLAR_LEAKY, FRAMES_LEAKY, LCS_LEAKY, at, frontier_chip
+from docs.tables.claims import compared, counted
+from docs.tables.finger import finger_level_values
+from docs.tables.frontier import BIPOLAR_LEAKY, FRAMES_LEAKY, FRAMES_OF_POWER, LCS_LEAKY, at, frontier_chip
 from docs.tables.power import power_rows
 from docs.tables.verification import replayed
 from docs.tables.write import Rows, filled, only, read, table
+from eskin.snn.experiments.pairs import Answers, common_answers
 
 TEXTURES = "docs/data/classifier/"
 
@@ -16,6 +18,16 @@ def sweep(name: str) -> list[dict[str, Any]]:
     fig9 = {(p["readout"], p["resolution"]): p["accuracy"] for p in read("docs/data/published_fig9.json")["points"]}
     points = sorted(read(f"docs/data/sweeps/{name}.json")["points"], key=lambda p: (p["readout"], p["resolution"]))
     return [p | {"published": fig9.get((p["readout"], p["resolution"]))} for p in points]
+
+
+def published_claims() -> dict[str, str]:
+    """Return the readouts whose published accuracy is below, inside or above our 95 % interval."""
+    found: dict[str, list[str]] = {"below": [], "inside": [], "above": []}
+    for point in sweep("paper-network"):
+        low, high = point["last"]["bootstrap_95"]
+        where = "below" if point["published"] < low else "above" if point["published"] > high else "inside"
+        found[where].append(filled("{readout:E} {resolution} b", point))
+    return {where: ", ".join(names) or "none" for where, names in found.items()}
 
 
 def accuracy_physical() -> Rows:
@@ -77,6 +89,94 @@ def robustness() -> Rows:
     return rows.values()
 
 
+def robustness_claims() -> dict[str, Any]:
+    """Return in which disturbances the robust network is significantly more accurate than the clean one, and counts."""
+    rows = {row["name"]: row for row in robustness()}
+    claims = compared({name: common_answers(row["clean"], row["robust"]) for name, row in rows.items()})
+    better = [name for name, claim in claims.items() if claim.verdict == "more"]
+    return counted(claims.values()) | {"better": ", ".join(better)}
+
+
+def latency_claims() -> dict[str, Any]:
+    """Count the comparisons of LCS 4 b with frames after parts of a touch; ``times`` are the significant ones in ms."""
+    points = read(f"{TEXTURES}merits.json")["latency"]
+    times = {point["time_s"] for point in points}
+    at = {s: [only(points, network=name, time_s=s) for name in ("lcs-4", "frame-onoff")] for s in sorted(times)}
+    claims = compared({time_s: common_answers(*pair) for time_s, pair in at.items()})
+    significant = [f"{1e3 * time_s:g}" for time_s, claim in claims.items() if claim.verdict]
+    return {"of": len(claims), "significant": len(significant), "times": ", ".join(significant)}
+
+
+MODES = ("paper", "consistent")
+"""Modes of docs/data/classifier/noise_power.json: white noise, and noise below 97 Hz."""
+
+
+def noise_claims() -> Rows:
+    """Yield a row for each network: the noises at which it is significantly less accurate than at the lowest noise.
+
+    The last row has the noises at which frames are more accurate than LCS 4 b. All rows are one list of comparisons.
+    """
+    points = {(p["network"], p["mode"], p["noise_v"]): p for p in read(f"{TEXTURES}noise_power.json")["points"]}
+    low = min(noise_v for *_, noise_v in points)
+    pairs = {key: (points[*key[:2], low], point) for key, point in points.items() if key[2] > low}
+    for key in [key for key in points if key[0] == "frame-onoff"]:
+        pairs["frames", *key[1:]] = points["lcs-4", *key[1:]], points[key]
+    answers = {key: common_answers(*pair) for key, pair in pairs.items()}
+    claims = compared(answers)
+    for name in dict.fromkeys(name for name, *_ in pairs):
+        text, way = name, "less"
+        if name == "frames":
+            text, way = "frames more accurate than LCS 4 b", "more"
+        own = {key[1:]: claim.verdict for key, claim in claims.items() if key[0] == name}
+        images = next(len(answer.labels) for key, answer in answers.items() if key[0] == name)
+        found = [[f"{1e3 * v:g}" for (of, v), verdict in own.items() if (of, verdict) == (mode, way)] for mode in MODES]
+        yield [text, str(images), *(", ".join(one) or "none" for one in found)]
+
+
+def noise_powers() -> dict[str, float]:
+    """Return the power of LCS 4 b and N-LCS 6 b, divided by that of frames, at 1 mV and (``paper_3``) 3 mV of noise."""
+    points = {(p["network"], p["mode"], p["noise_v"]): p for p in read(f"{TEXTURES}noise_power.json")["points"]}
+
+    def ratio(network: str, mode: str, noise_v: float) -> float:
+        found, frames = (points[name, mode, noise_v]["power_w"]["total"] for name in (network, "frame-onoff"))
+        return float(found / frames)
+
+    return {
+        "paper_1": ratio("lcs-4", "paper", 1e-3),
+        "paper_3": ratio("lcs-4", "paper", 3e-3),
+        "lcs": ratio("lcs-4", "consistent", 1e-3),
+        "nlcs": ratio("nlcs-6", "consistent", 1e-3),
+    }
+
+
+def integer_claims() -> Rows:
+    """Yield, for weights of 8, 4 and 3 bits, how many integer networks are more or less accurate than in float.
+
+    ``most`` is the largest loss. The list has all networks that were trained with float weights. The last row compares
+    networks of 4 bits that were trained with rounded weights with those that were not.
+    """
+    report = read(f"{TEXTURES}precision.json")
+    points = {(point["network"], point["variant"]): point for point in report["points"]}
+    answers = {}
+    for network, variant in points:
+        if "-qat" not in network and variant in ("8", "4", "3"):
+            answers[f"weights of {variant} b instead of float", network] = (network, "float"), (network, variant)
+        if "-qat4" in network and variant == "4":
+            answers["4 b, trained with rounded weights or not", network] = (network.removesuffix("-qat4"), "4"), (
+                network, "4")  # fmt: skip
+    claims = compared({key: _of_tests(report, *(points[one] for one in pair)) for key, pair in answers.items()})
+    for what in dict.fromkeys(what for what, _ in claims):
+        own = [claim for (text, _), claim in claims.items() if text == what]
+        yield {"what": what, "most": -min(claim.difference for claim in own)} | counted(own)
+
+
+def _of_tests(report: dict[str, Any], first: dict[str, Any], second: dict[str, Any]) -> Answers:
+    """Return the predictions of two networks at some precision, all tests as one seed."""
+    labels = [test["labels"] for test in report["tests"][first["network"]]]
+    assert labels == [test["labels"] for test in report["tests"][second["network"]]]
+    return Answers("".join(labels), *(["".join(point["predicted"])] for point in (first, second)))
+
+
 def merits_rest() -> Rows:
     """Yield the data rate during a moving and a resting touch, as sent and compressed."""
     data = read(f"{TEXTURES}merits.json")["rest"]
@@ -120,14 +220,15 @@ def headline() -> Rows:
     yield filled("equal events of RTL and model ({images} scans, four encoders) |  | {events:,}", replayed())
     paper = only(sweep("paper-network"), readout="lcs", resolution=6)
     yield filled("the paper's network, LCS 6 b | {published:100*.2f} % | {last:%}", paper)
-    yield filled("the paper's ReLU network, frames, 3,200 kb/s | {theirs} | {last:%}", frame_points()["rnn"])
     for name, words, theirs in (
         (BIPOLAR_LEAKY, "bipolar N-LCS 2 b, {rate_hz:,.0f} events/s", "97.15 % at 2,200 events/s (INTUITIVE chip)"),
         (LCS_LEAKY, "LCS 2 b, {rate_hz:,.0f} events/s", ""),
-        (FRAMES_LEAKY, "frames", ""),
+        (FRAMES_LEAKY, "frames, {share:.2f} of the power of this LCS", ""),
+        (FRAMES_OF_POWER, "frames, {share:.2f} of the power of this LCS", ""),
     ):
         few = f"leaky network, {{count}} taxels, {words} ({{bits_per_s:1e-3*.1f}} kb/s) | {theirs} | {{row:%}}"
-        yield filled(few, at(name) | {"count": len(at(name)["taxels"])})
+        point, share = at(name), (at(name)["power_w"] or 0) / at(LCS_LEAKY)["power_w"]
+        yield filled(few, point | {"count": len(point["taxels"]), "share": share})
     rtl = "[in the RTL](docs/results/frontier.md#through-the-rtl-chip), weights of 4 b"
     rtl = f"leaky network, 12 taxels, bipolar N-LCS 2 b, {rtl} |  | {{row:%}}, {{mismatches}} mismatches"
     yield filled(rtl, frontier_chip("nlcs-bipolar:2"))
@@ -135,8 +236,6 @@ def headline() -> Rows:
     for name, of in (("lcs_7", "LCS 7 b"), ("nlcs_4", "N-LCS 4 b"), ("frame_12_22_9", "frames")):
         words = f"{finger}, other repetition, level kept, {of} ({{kbps:.2f}} kb/s) |  | {{repetition:.1f}} %"
         yield filled(words, finger_level_values()[name])
-    played = f"{finger}, other repetition, {{name}}, classified by the RTL |  | "
-    yield filled(played + "{right} of {labelled} (float: {right_float}), {mismatches} mismatches", finger_played())
     yield from power_rows()[:2]
 
 
@@ -149,10 +248,6 @@ def results() -> Rows:
     for point in sweep("paper-network"):
         if (point["readout"], point["resolution"]) in (("lcs", 6), ("lcs", 8), ("nlcs", 8)):
             yield filled(network, point)
-    leaky = "six textures, a leaky network, LCS 3 b, {data_rate_bps:1e-3*.0f} kb/s |  | {last:%}"
-    yield filled(leaky, only(sweep("tuned-2ms")))
-    for kind, text in (("rnn", "ReLU units"), ("cnn", "convolutions")):
-        yield filled(f"six textures from frames, {text} | {{theirs}} | {{last:%}}", frame_points()[kind])
     yield from power_rows()
     known = only(read(f"{TEXTURES}merits.json")["timing"], known_from="events")
     yield filled("time of a level crossing from events, median error |  | {median_s:1e6*.0f} us", known)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from docs.tables.claims import holm
 from docs.tables.energy import at_rates
-from docs.tables.frontier import holm
 from docs.tables.write import Rows, filled, only, read
 from eskin.snn.experiments.pairs import Pair, compare, right_of
 from eskin.snn.reference import score

@@ -1,14 +1,17 @@
 """Tables of the frontier: chosen taxels, encoders and frames at equal rates."""
 
-import statistics
+import itertools
+from functools import cache
 from typing import Any
 
+from docs.tables.claims import Answers, Claim, compared, counted
 from docs.tables.write import Rows, filled, only, read, table
 from eskin.snn.experiments.pairs import compare
 
 LCS_LEAKY = "physical/leaky-2ms/lcs:2/12x16:across:12"
 BIPOLAR_LEAKY = "physical/leaky-2ms/nlcs-bipolar:2/12x16:across:12"
 FRAMES_LEAKY = "physical/leaky-2ms/frame-onoff:250:3:2/12x16:across:12"
+FRAMES_OF_POWER = "physical/leaky-2ms/frame-onoff:250:8:6/12x16:across:12"
 """Points of the frontier in the README and in sentences of docs/results/frontier.md."""
 
 NETWORKS = {"leaky": "leaky", "leaky-2ms": "leaky", "convolutions": "convolutions", "paper": "the paper's"}
@@ -41,46 +44,75 @@ TRAININGS = (("physical", "leaky-2ms"), ("physical", "convolutions"), ("paper", 
 """Scans and networks of the comparison."""
 
 
-def holm(p_values: list[float]) -> list[float]:
-    """Return p values after Holm's correction for several tests (S. Holm, Scand. J. Statist. 6(2):65, 1979)."""
-    order = sorted(range(len(p_values)), key=p_values.__getitem__)
-    found, least = [0.0] * len(order), 0.0
-    for rank, number in enumerate(order):
-        least = max(least, (len(order) - rank) * p_values[number])
-        found[number] = min(1.0, least)
-    return found
+POWER_FACTOR = 1.5
+"""Powers of readouts that are compared at the same power differ by at most this factor."""
 
 
-def significant() -> dict[str, Data]:
-    """Return the significant comparisons with LCS, by the name of the other point.
-
-    A comparison is significant if McNemar's p, the median over the seeds, is below 0.05 after Holm's correction for
-    all comparisons.
-    """
-    return {pair["second"]: pair for pair, p in _corrected() if p < 0.05}
+def _answers(first: Data, second: Data) -> Answers:
+    return Answers(first["labels"], first["predictions"], second["predictions"])
 
 
-def _corrected() -> list[tuple[Data, float]]:
-    pairs = read("docs/data/frontier.json")["pairs"]
-    compared = []
+@cache  # several documents need them
+def against_lcs() -> dict[tuple[str, str], Claim]:
+    """Return the comparisons of LCS with every other chosen readout at the same event rate, by their names."""
+    answers = {}
     for preset, network in TRAININGS:
         found = chosen(preset, network)
         for (kind, budget), point in found.items():
             if kind != "lcs":
-                compared.append(only(pairs, first=found["lcs", budget]["name"], second=point["name"]))
-    return list(zip(compared, holm([statistics.median(pair["p"]) for pair in compared]), strict=True))
+                lcs = found["lcs", budget]
+                answers[lcs["name"], point["name"]] = _answers(lcs, point)
+    return compared(answers)
 
 
-def against(kind: str) -> Data:
+def against(kind: str) -> dict[str, int]:
     """Return in how many comparisons a kind of readout is significantly more or less accurate than LCS."""
-    of = [(pair, p < 0.05) for pair, p in _corrected() if _kind(pair["second"]) == kind]
-    gains = [pair["difference"] for pair, differs in of if differs]
-    return {"of": len(of), "more": sum(gain > 0 for gain in gains), "less": sum(gain < 0 for gain in gains)}
+    return counted(claim for (_, name), claim in against_lcs().items() if _kind(name) == kind)
+
+
+def frames_at_data_rate() -> Data:
+    """Count the comparisons of LCS with frames, ``below`` and ``above`` the highest significant data rate ``kbps``."""
+    frames = {names: claim for names, claim in against_lcs().items() if _kind(names[1]) == "frame"}
+    kbps = max(1e-3 * at(lcs)["bits_per_s"] for (lcs, _), claim in frames.items() if claim.verdict)
+    above = sum(1e-3 * at(lcs)["bits_per_s"] > kbps for lcs, _ in frames)
+    return counted(frames.values()) | {"kbps": kbps, "above": above, "below": len(frames) - above}
+
+
+def frames_at_power() -> Data:
+    """Count the comparisons of chosen LCS with chosen frames of about the same power."""
+    answers = {}
+    for preset, network in TRAININGS:
+        points = chosen(preset, network)
+        for first, second in itertools.product(points.items(), points.items()):
+            (kind, _), lcs = first
+            (other, _), frames = second
+            if (kind, other) == ("lcs", "frame"):
+                ratio = frames["power_w"] / lcs["power_w"]
+                if 1 / POWER_FACTOR <= ratio <= POWER_FACTOR:
+                    answers[lcs["name"], frames["name"]] = _answers(lcs, frames)
+    return counted(compared(answers).values()) | {"factor": POWER_FACTOR}
+
+
+WHOLE_ARRAYS = [
+    ("convolutions", "lcs:2", "frame-diff:31.25:8"),
+    ("convolutions", "lcs:4", "frame-diff:250:8"),
+    ("paper", "lcs:2", "frame-onoff:31.25:8"),
+    ("paper", "lcs:4", "frame-onoff:250:8"),
+]
+"""Network, LCS and frames of all 64 taxels that are compared on ``paper`` scans."""
+
+
+def whole_arrays() -> Rows:
+    """Yield a row for each comparison of LCS with frames of all taxels."""
+    pairs = [[at(f"paper/{network}/{name}/all") for name in names] for network, *names in WHOLE_ARRAYS]
+    claims = compared({number: _answers(*points) for number, points in enumerate(pairs)})
+    for number, (lcs, frames) in enumerate(pairs):
+        yield {"network": NETWORKS[lcs["network"]], "lcs": lcs, "frames": frames, "claim": claims[number]._asdict()}
 
 
 def frontier() -> None:
     """Print accuracy, data rate and power of LCS and frames for every scan, network and limit."""
-    rows, marked = [], significant()
+    rows, marked = [], {name for (_, name), claim in against_lcs().items() if claim.verdict}
     for preset, network in TRAININGS:
         found = chosen(preset, network)
         budgets = list(dict.fromkeys(budget for _, budget in found))
@@ -104,9 +136,14 @@ def power_of_frames() -> float:
 
 
 def candidates() -> Data:
-    """Count the readouts that inner validation compared, and the readouts that it chose."""
+    """Count the readouts that inner validation compared, and the readouts that it chose.
+
+    ``most`` is the largest event rate of a chosen encoder, as a multiple of the rate in the title of its column.
+    """
     inner = read("docs/data/frontier.json")["inner"]
-    return {"tried": len(inner), "chosen": sum(one["chosen"] for one in inner)}
+    own = [one for one in inner if one["chosen"]]
+    most = max(one["rate_hz"] / one["budget_hz"] for one in own if _kind(one["name"]) != "frame")
+    return {"tried": len(inner), "chosen": len(own), "most": most}
 
 
 FLOAT_LEAKS = "those of the float network"
@@ -136,8 +173,14 @@ def frontier_chips() -> Rows:
         yield filled(line, chip | {"kind": chip["readout"].partition(":")[0], "gain": gain})
 
 
-def bipolar_chip_against_lcs() -> Data:
-    """Return how much more accurate the chip with bipolar N-LCS is than the chip with LCS and the same leaks."""
-    first, second = frontier_chip("lcs:2"), frontier_chip("nlcs-bipolar:2")
-    pair = compare(first["labels"], first["predictions"], second["predictions"])
-    return second | {"gain": pair.difference, "low": pair.interval[0], "high": pair.interval[1]}
+def chips_compared() -> Data:
+    """Count the comparisons of the chips with their float networks, and of bipolar N-LCS with LCS.
+
+    ``stalled`` is the part of the clocks in which the readout of bipolar N-LCS waits for the classifier.
+    """
+    runs = [frontier_chip(run["readout"], run["leaks"]) for run in read("docs/data/frontier_chip.json")["runs"]]
+    answers = {(run["readout"], run["leaks"]): _answers(run["a"], run) for run in runs}
+    bipolar = frontier_chip("nlcs-bipolar:2")
+    answers["bipolar", "lcs"] = _answers(frontier_chip("lcs:2"), bipolar)
+    found = counted(compared(answers).values())
+    return found | {"significant": found["more"] + found["less"], "stalled": bipolar["stalled"]}

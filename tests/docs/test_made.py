@@ -40,6 +40,30 @@ def test_a_number_that_differs_from_the_data_is_found(tmp_path: Path) -> None:
     assert main(["--check"], [str(page)]) == 5
 
 
+GENERATED = re.compile(r"<!-- \[\[\[cog.*?\[\[\[end]]] -->", re.DOTALL)
+COMPARED = re.compile(r"(?:more|less|as) accurate|(?:is|are|not) significant\b")
+
+
+def test_accuracies_are_compared_only_where_the_data_are() -> None:
+    found = {page.name: COMPARED.findall(GENERATED.sub("", page.read_text())) for page in PAGES}
+    assert {name: words for name, words in found.items() if words} == {}, "generate the sentence: docs/tables/claims.py"
+
+
+def test_a_comparison_is_judged_by_mcnemar_and_holm() -> None:
+    assert tables.holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    labels, wrong = "0" * 40, ["1" * 9 + "0" * 31, "0" * 40]
+    answers = {
+        "two seeds": tables.Answers(labels, wrong, ["0" * 40, "0" * 40]),  # p is 2 * 2**-9 and 1
+        "one seed": tables.Answers(labels, wrong[:1], ["0" * 40]),
+        "the other way": tables.Answers(labels, ["0" * 40], wrong),
+    }
+    claims = tables.compared(answers)
+    assert [claim.p for claim in claims.values()] == pytest.approx([(2**-8 + 1) / 2, 3 * 2**-8, 3 * 2**-8])
+    assert [claim.verdict for claim in claims.values()] == ["", "more", "less"]
+    assert claims["two seeds"].difference == pytest.approx(9 / 80)
+    assert tables.counted(claims.values()) == {"of": 3, "more": 1, "less": 1}
+
+
 def test_every_table_stands_somewhere() -> None:
     blocks = [block for page in PAGES for block in re.findall(r"\[\[\[cog (.*) ]]]", page.read_text())]
     functions = [f for f in vars(tables).values() if inspect.isfunction(f) and f.__module__.startswith("docs.")]
