@@ -29,13 +29,14 @@ PERIOD_NS = 20.0
 FROM_RTL, FROM_TEXT = "read_rtlil readout.il", f"read_verilog readout.v gate_ports.v; blackbox {GATE}"
 
 # The order matters. Resets go into the data and enables stay, since a gate replaces an enable; no pass behind the first
-# may find synchronous resets again. Blocks are mapped one by one, each kind once, and put together at the end.
+# may find synchronous resets again. Flops get the names of their registers before JSON: behind it all names of a net
+# are equal, and that of a port would win. Blocks are mapped one by one, each kind once, and put together at the end.
 TO_ENABLES = (
     "{source}; hierarchy -check -top {top}; {keep}proc; setattr -unset init w:*; flatten; opt -full; "
     "wreduce; alumacc; share -aggressive; opt -full; dffunmap -srst-only; techmap; opt -full -nosdff; "
     "dfflegalize -cell $_DFFE_PP_ x -cell $_DFFE_PP0P_ x -cell $_DFFE_PP1P_ x "
     "-cell $_DFF_P_ x -cell $_DFF_PP0_ x -cell $_DFF_PP1_ x; opt_expr; opt_merge; opt_clean; "
-    "{gates}delete t:$scopeinfo; write_json enables.json"
+    "rename -wire -suffix {flop} t:$_DFF*; {gates}delete t:$scopeinfo; write_json enables.json"
 )
 KEEP = "setattr -mod -set keep_hierarchy 1 {name}; "
 ADD_TEST = f"add -global_input {TEST} 1; "
@@ -43,7 +44,7 @@ INSERT = "clockgate -pos {gate} enable:clk:gated -min_net_size {fewest}; "
 TO_CELLS = (
     "read_liberty -lib -ignore_miss_func cells.lib; read_json enables.json; read_verilog -icells gate.v; "
     "hierarchy -top {top}; {test}proc; opt_clean; techmap; "
-    "rename -wire -suffix {flop} t:$_DFF*; dfflibmap -liberty cells.lib; "
+    "dfflibmap -liberty cells.lib; "
     "abc -liberty cells.lib -D {period_ps:.0f} -script {mapping}; opt_clean -purge; {ties}"
     "rename -enumerate -pattern g% c:*; setattr -mod -unset keep_hierarchy *; flatten; delete t:$scopeinfo; "
     "opt_clean -purge; splitnets; setattr -unset init w:*; check -assert -mapped; "
@@ -104,7 +105,9 @@ def _cells(block: Block[Any], library: Library, gated_text: str = "", source: st
     gate = gate_module(library)
     keep = "".join(KEEP.format(name=name) for name in _blocks(source, top))
     insert = INSERT.format(gate=GATE, fewest=FEWEST_FLOPS) if gate and not gated_text else ""
-    begin = TO_ENABLES.format(source=FROM_TEXT if gated_text else FROM_RTL, top=top, keep=keep, gates=insert)
+    begin = TO_ENABLES.format(
+        source=FROM_TEXT if gated_text else FROM_RTL, top=top, keep=keep, flop=FLOP_NAME, gates=insert
+    )
     files = {"readout.v": gated_text.encode(), "gate_ports.v": clock_gates.STUB.encode()}
     design = json.loads(yosys.run(begin, source, "enables.json", files))
     if insert:
@@ -113,7 +116,6 @@ def _cells(block: Block[Any], library: Library, gated_text: str = "", source: st
     script = TO_CELLS.format(
         top=top,
         test="" if gated_text else ADD_TEST,
-        flop=FLOP_NAME,
         period_ps=1000 * PERIOD_NS,
         mapping=MAPPING,
         ties=ties(library),

@@ -1,5 +1,6 @@
 """Test the clock-gated netlist: cells selected by function, and every flop with an enable gated."""
 
+import itertools
 import re
 from collections import Counter
 from pathlib import Path
@@ -64,6 +65,18 @@ def test_registers_that_share_an_enable_share_a_gate_with_test_enable(library: L
     clocks = re.findall(r"^  PERCH .*?\.BEAT\((\S+) ?\)", made.text, re.MULTILINE | re.DOTALL)
     assert len(clocks) == cells["PERCH"]
     assert sum(clock != "clk" for clock in clocks) > len(clocks) // 2
+
+
+@pytest.mark.parametrize("delivered", [False, True], ids=["from the RTL", "from its Verilog"])
+def test_a_flop_has_the_name_of_its_register(library: Library, delivered: bool) -> None:
+    """Check that no name of a port or of another wire with the same value replaces the name of a register."""
+    made = synthesise(ReadoutConfig(rows=2, columns=3, resolution=4, frontend="analog"), library, delivered=delivered)
+    registers = {"arbiter.behind": 1, "arbiter.event_row": 1, "arbiter.polarity": 3, "arbiter.waiting": 3}
+    for row, taxel in itertools.product(range(2), range(3)):
+        bits = {"compare": 1, "enabled": 1, "pending": 1, "polarity": 1, "reference": 6}
+        registers |= {f"row_{row}.taxel_{taxel}.{name}": width for name, width in bits.items()}
+    flops = re.findall(r"^  PERCH \\?(\S+?)(?:\[\d+\])?_reg +\($", made.text, re.MULTILINE)
+    assert Counter(flops) == registers
 
 
 def test_without_an_integrated_gate_one_is_built_of_a_latch(tmp_path: Path) -> None:
