@@ -2,12 +2,13 @@
 
 import copy
 import dataclasses
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from eskin.flow.liberty.entry import Entry
-from eskin.flow.liberty.library import Cell, Library
+from eskin.flow.liberty.library import Cell, Library, Pin
+from eskin.flow.liberty.tables import EDGES, FALL, RISE
 
 LEFT_OUT = ("cell", "wire_load", "wire_load_selection", "wire_load_table")
 
@@ -18,16 +19,34 @@ def related_pins(cell: Cell) -> list[str]:
     return sorted(found & set(cell.clock_pins) or found)
 
 
+class Case(NamedTuple):
+    """A condition, and the edges of an input, for which a library has an energy of its own."""
+
+    group: int  # index of the ``internal_power`` group
+    when: str
+    edges: tuple[int, ...]
+
+
+def cases(pin: Pin) -> list[Case]:
+    """Return the cases of an input's energies: every condition and edge, or both edges if there is one condition."""
+    every = list(enumerate(pin.energies))
+    chosen = [(number, energy) for number, energy in every if energy.when] or every
+    if len(chosen) == 1:
+        return [Case(chosen[0][0], chosen[0][1].when, (RISE, FALL))]
+    return [Case(number, energy.when, (edge,)) for number, energy in chosen for edge in energy.tables]
+
+
 def one_energy_a_pin(library: Library, kinds: set[str], number: int = 0) -> str:
-    """Return a library with one mean ``internal_power`` group per pin.
+    """Return a library with one ``internal_power`` group per pin.
 
     OpenSTA 2.0 adds up the groups of a pin, whatever their conditions, and weighs each by how often its related pin
     would pass. The condition ``1`` gives a group the weight 1. Wire loads are left out, since OpenSTA would add those,
     and so are the ranges of capacitances, because OpenSTA takes their upper ends.
 
-    ``number``: index of the related pin whose energies the outputs of a cell get. OpenSTA looks up these energies at
-    the slew of that pin; without a related pin, at the slew of the output. If the cell has fewer related pins, the
-    index starts again at the first.
+    ``number``: index of the case whose energy an input of a flop, latch or clock gate gets (inputs of other cells get
+    the mean), and of the related pin whose mean energy an output gets.
+    OpenSTA looks up the energies of an output at the slew of that pin; without a related pin, at the slew of the
+    output. If there are fewer cases or related pins, the index starts again at the first.
     """
     group = copy.copy(library.entry.group)
     last = "default_operating_conditions"
@@ -48,14 +67,27 @@ def _one_energy(cell: Cell, number: int) -> Any:
         pin.group.attributes = [a for a in pin.group.attributes if not a.name.endswith("_capacitance_range")]
         if found := pin.all("internal_power"):
             others = [g for g in pin.group.groups if g.group_name != "internal_power"]
-            cause = related[number % len(related)] if related and name in cell.outputs else ""
-            mean = _mean([g for g in found if cause in g.text("related_pin").split()] or found)
             if name in cell.outputs:
-                mean["when"] = '"1"'
-            if cause:
-                mean["related_pin"] = f'"{cause}"'
-            pin.group.groups = [*others, mean]
+                cause = related[number % len(related)] if related else ""
+                one = _mean([g for g in found if cause in g.text("related_pin").split()] or found)
+                one["when"] = '"1"'
+                if cause:
+                    one["related_pin"] = f'"{cause}"'
+            else:
+                one = _one_case(cell.pins[name], number) if cell.memory else _mean(found)
+            pin.group.groups = [*others, one]
     return group
+
+
+def _one_case(pin: Pin, number: int) -> Any:
+    """Return the group of an input's energy in one case, with tables of the edges of this case alone."""
+    known = cases(pin)
+    case = known[number % len(known)]
+    one = copy.deepcopy(pin.entry.all("internal_power")[case.group].group)
+    one.attributes = [a for a in one.attributes if a.name not in ("when", "related_pin")]
+    if len(case.edges) == 1:
+        one.groups = [g for g in one.groups if g.group_name == f"{EDGES[case.edges[0]]}_power"]
+    return one
 
 
 def _mean(groups: list[Entry]) -> Any:

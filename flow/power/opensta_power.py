@@ -2,8 +2,9 @@
 
 This version of OpenSTA (2.0) reads no activity of single pins. It takes one for all data, and the clock's: so what a
 toggle of the clock pin, of the data pins and of the output costs an instance is told apart by four reports, in which
-they toggle or not. OpenSTA looks up the energy of an output at the slew of one related pin, so the reports are repeated
-for each related pin; the recorded activity gives the share of each pin.
+they toggle or not. OpenSTA looks up the energy of an output at the slew of one related pin, and of an input without its
+condition, so the reports are repeated for each related pin and each condition; the recorded activity gives the share of
+each. The energy of a flop's clock depends on the data and on the stored value, for instance.
 """
 
 from __future__ import annotations
@@ -20,9 +21,12 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 from eskin.flow import programs
 from eskin.flow.gatesim.flat_netlist import Cell, FlatNetlist
+from eskin.flow.liberty.boolean import evaluate
+from eskin.flow.liberty.library import Cell as Kind
 from eskin.flow.liberty.library import Library
+from eskin.flow.liberty.tables import FALL, RISE
 from eskin.flow.power.activity import Activity
-from eskin.flow.power.opensta_library import one_energy_a_pin, related_pins
+from eskin.flow.power.opensta_library import Case, cases, one_energy_a_pin, related_pins
 
 PERIOD_NS = 1000
 PERIOD_S = PERIOD_NS * 1e-9
@@ -38,9 +42,9 @@ class Costs:
     """Leakage of an instance in watts, and its energy in joules per toggle of each pin."""
 
     leakage_w: float
-    # clock, data: inside the cell, per toggle of the clock pin, and of the data pins together
-    clock: float
-    data: float
+    # clock, data: inside the cell, per toggle of the clock pin and of the data pin, by case
+    clock: list[float]
+    data: list[float]
     output: list[float]  # inside the cell, per output toggle, by the related pin that causes the toggle
     load: float  # in the load, per output toggle
 
@@ -55,21 +59,21 @@ class OpenstaPower:
     costs: dict[str, Costs] = field(init=False)
 
     def __post_init__(self) -> None:
-        kinds = {cell.kind for cell in self.netlist.cells}
-        most = max(len(related_pins(kind)) for kind in self.library.used(kinds))
+        kinds = list(self.library.used({cell.kind for cell in self.netlist.cells}))
+        most = max(max(len(related_pins(kind)), *map(len, self._cases(kind))) for kind in kinds)
+        gates = max((len(self._cases(kind)[0]) for kind in kinds if kind.gate), default=0)
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             counted = _counted(folder)
             (folder / "netlist.v").write_text(self.netlist.verilog())
             reports: list[list[Report]] = []
-            for number in range(max(most, 1)):  # one related pin after the other
-                (folder / "cells.lib").write_text(one_energy_a_pin(self.library, kinds, number))
+            for number in range(max(most, 1)):  # one related pin and one case after the other
+                library = one_energy_a_pin(self.library, {kind.name for kind in kinds}, number)
+                (folder / "cells.lib").write_text(library)
                 lines = [set_up(self.netlist.top), *self._loads(), f"report still {STILL}", "report all 1"]
-                if number == 0:
-                    lines += self._moving_pins()
-                reports.append(run(lines, folder))
-                if number == 0:
-                    reports[0].append(self._gates_alone(folder))
+                reports.append(run([*lines, *self._moving_pins()], folder))
+                if number < gates:
+                    reports[-1].append(self._gates_alone(folder))
         self.costs = {cell.name: self._costs(cell, reports, counted) for cell in self.netlist.cells}
 
     def _loads(self) -> list[str]:
@@ -129,39 +133,47 @@ class OpenstaPower:
         return [gate.gated] if gate and gate.gated in cell.pins else []
 
     def _pins(self, cell: Cell) -> tuple[list[str], list[str]]:
-        """Return the data pins and the other non-clock inputs of a sequential cell."""
+        """Return the data pin in a list, and the other non-clock inputs, of a sequential cell."""
         known = self.library.cells[cell.kind]
         if not (known.flop or known.latch or known.gate):
             return [], []
-        data = {role.data for role in (known.flop, known.latch) if role} | {known.gate.enable if known.gate else ""}
         inputs = [pin for pin in known.inputs if pin in cell.pins and pin not in known.clock_pins]
         charged = [pin for pin in inputs if known.pins[pin].energies]
-        return [p for p in charged if p in data], [p for p in charged if p not in data]
+        data = _data_pin(known)
+        return [p for p in charged if p == data], [p for p in charged if p != data]
 
     def _costs(self, cell: Cell, related: list[list[Report]], counted: Counted) -> Costs:
         """Return the energies of a cell from the OpenSTA reports of its related pins."""
         known, reports = self.library.cells[cell.kind], related[0]
-        still, moving, data, rest = (report[cell.name] for report in reports[:4])
-        by_clock, by_data, by_rest = (  # a clock makes two toggles in a period
-            joules * PERIOD_S / 2 for joules in (still[0], data[0] - still[0], rest[0] - data[0])
-        )
+        still, moving, _, rest = (report[cell.name] for report in reports[:4])
         load, clock_load = (moving[1] - still[1]) * PERIOD_S, still[1] * PERIOD_S / 2
-        inner = by_data / counted.clock_in
+
+        def inner(known: list[Case], after: int, before: int | None = None) -> list[float]:
+            """Return the energy of an input's toggle in each case, from the reports with and without these toggles."""
+            found = []
+            for case, reports in zip(known, related, strict=False):
+                watts = reports[after][cell.name][0] - (0 if before is None else reports[before][cell.name][0])
+                joules = watts * PERIOD_S / 2 / counted.clock_in  # a clock makes two toggles in a period
+                found.append(joules * 2 / len(case.edges))  # per toggle, of which half are in a case of one edge
+            return found
+
+        clock_cases, data_cases = self._cases(known)
+        by_data = inner(data_cases, 2, 0)
         if self._gated(cell):
-            own = reports[4][cell.name][0] * PERIOD_S / 2
-            gated = (by_clock - own) / counted.clock_out
-            return Costs(still[2], own / counted.clock_in, inner, [gated], clock_load)
+            own = reports[4][cell.name][0]
+            gated = (still[0] - own) * PERIOD_S / 2 / counted.clock_out
+            return Costs(still[2], inner(clock_cases, 4), by_data, [gated], clock_load)
         causes = [(rests[cell.name][0], moves[cell.name][0]) for rests, moves, *_ in related]
         causes = causes[: max(len(related_pins(known)), 1)]
         by_all = [(moves - rests) * PERIOD_S for rests, moves in causes]
         if known.memory:
-            by_inputs = (by_data + by_rest) / counted.clock_in
-            output = [joules / counted.data_out - by_inputs for joules in by_all]
-            return Costs(still[2], by_clock / counted.clock_in, inner, output, load)
+            by_inputs = (rest[0] - still[0]) * PERIOD_S / 2 / counted.clock_in
+            output = [(joules - by_inputs * counted.data_in) / counted.data_out for joules in by_all]
+            return Costs(still[2], inner(clock_cases, 0), by_data, output, load)
         if load > 0:
-            return Costs(still[2], 0.0, 0.0, [joules / counted.data_out for joules in by_all], load)
+            return Costs(still[2], [], [], [joules / counted.data_out for joules in by_all], load)
         output = [rests * PERIOD_S / 2 / counted.clock_out for rests, _ in causes]
-        return Costs(still[2], 0.0, 0.0, output, clock_load)  # a gate in the clock network
+        return Costs(still[2], [], [], output, clock_load)  # a gate in the clock network
 
     def power_w(self, activity: Activity, clock_hz: float) -> dict[str, tuple[float, float, float]]:
         """Return internal, switching and leakage power of every cell in watts."""
@@ -175,11 +187,40 @@ class OpenstaPower:
             found = [activity.toggles(net) for net in nets if not net.startswith("1'b")]
             return float(np.mean(found)) if found else 0.0
 
-        clock, output = toggles(known.clock_pins), toggles(known.outputs)
-        data = toggles(self._pins(cell)[0])
         caused = float(np.dot(costs.output, self._shares(cell, len(costs.output), activity)))
-        internal = costs.clock * clock + costs.data * data + caused * output
-        return internal * clock_hz, costs.load * output * clock_hz, costs.leakage_w
+        internal = caused * toggles(known.outputs)
+        pins = [known.clock_pins, self._pins(cell)[0]]
+        for causes, joules, each in zip(pins, (costs.clock, costs.data), self._cases(known), strict=True):
+            if causes and joules:
+                internal += toggles(causes) * float(np.dot(joules, self._case_shares(cell, causes[0], each, activity)))
+        return internal * clock_hz, costs.load * toggles(known.outputs) * clock_hz, costs.leakage_w
+
+    def _cases(self, known: Kind) -> tuple[list[Case], list[Case]]:
+        """Return the cases of the energies of clock pin and data pin; empty for a cell without state."""
+        pins = [*known.clock_pins[:1], _data_pin(known)] if known.memory or known.gate else []
+        clock, data = ([] if pin not in known.pins else cases(known.pins[pin]) for pin in (pins or ["", ""]))
+        return clock, data
+
+    def _case_shares(self, cell: Cell, pin: str, known: list[Case], activity: Activity) -> NDArray[np.float64]:
+        """Return the share of an input's toggles in each case.
+
+        A condition holds before an edge of a clock, and after an edge of data.
+        """
+        kind = self.library.cells[cell.kind]
+        bits = {name: activity.values.get(cell.pins.get(name, ""), np.zeros(1, bool)) for name in kind.pins}
+        bits |= {name: np.array([net == "1'b1"]) for name, net in cell.pins.items() if net.startswith("1'b")}
+        at = np.flatnonzero(bits[pin][1:] != bits[pin][:-1])
+        if not len(at):
+            return np.zeros(len(known))
+        seen = at + (pin not in kind.clock_pins)
+        values = {name: held[seen] if len(held) > 1 else held for name, held in bits.items()}
+        values[pin] = bits[pin][at + 1]
+        edges = np.where(values[pin], RISE, FALL)
+        allowed = np.array([np.isin(edges, case.edges) for case in known])
+        fits = np.array([allowed[n] & (evaluate(c.when, values) if c.when else True) for n, c in enumerate(known)])
+        fits = np.where(fits.any(axis=0), fits, allowed)
+        shares: NDArray[np.float64] = (fits / np.maximum(fits.sum(axis=0), 1)).mean(axis=1)
+        return shares
 
     def _shares(self, cell: Cell, causes: int, activity: Activity) -> list[float]:
         """Return the share of the output toggles that each related pin causes."""
@@ -198,6 +239,12 @@ class OpenstaPower:
         among = moved.sum(axis=0)
         shares = np.where(among, moved / np.maximum(among, 1), 1 / causes).mean(axis=1)
         return [float(share) for share in shares]
+
+
+def _data_pin(known: Kind) -> str:
+    """Return the data pin of a flop or latch, or the enable of a clock gate; empty for other cells."""
+    roles = [*(role.data for role in (known.flop, known.latch) if role), *([known.gate.enable] if known.gate else [])]
+    return next(iter(roles), "")
 
 
 def set_up(top: str) -> str:
@@ -222,6 +269,7 @@ class Counted(NamedTuple):
     data_out: float
     clock_in: float
     clock_out: float
+    data_in: float
 
 
 def _counted(folder: Path) -> Counted:
@@ -232,6 +280,6 @@ def _counted(folder: Path) -> Counted:
     for name, template in (("cells.lib", "probe.lib"), ("netlist.v", "probe.v")):
         (folder / name).write_text(programs.filled(template))
     (found,) = run([set_up("probe"), "report probe 1"], folder)
-    picojoules = [round(found[f"c{number}"][0] * PERIOD_S / 1e-12, 3) for number in range(3)]
+    picojoules = [round(found[f"c{number}"][0] * PERIOD_S / 1e-12, 3) for number in range(4)]
     assert all(value > 0 for value in picojoules), found
-    return Counted(picojoules[0], picojoules[1] / 2, picojoules[2] / 2)
+    return Counted(picojoules[0], picojoules[1] / 2, picojoules[2] / 2, picojoules[3])

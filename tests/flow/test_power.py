@@ -14,7 +14,7 @@ import pytest
 from eskin.base.errors import InputError
 from eskin.cocotb_tests.bench.chip import network_of
 from eskin.flow.gatesim import flat_netlist
-from eskin.flow.liberty.library import Library
+from eskin.flow.liberty.library import Library, read
 from eskin.flow.power import classifier
 from eskin.flow.power import measure as power
 from eskin.flow.power.activity import Activity, read_dump
@@ -32,6 +32,7 @@ from eskin.model.readout import state_at
 from eskin.power.synthesis import SynthesisReport
 from eskin.rtl.classifier.core import Classifier
 from eskin.rtl.classifier.memory import InputMemory
+from tests.flow import example_library
 from tests.flow.test_gates import Made, make
 
 CONFIG = ReadoutConfig(rows=1, columns=2, resolution=5)
@@ -135,6 +136,37 @@ def test_a_wrong_number_of_toggles_is_an_error(made: Made) -> None:
         Disagreement, match=r"^clocked: OpenSTA and the library's tables differ by -\d.* 5 % are allowed$"
     ):
         ways.measure("clocked", right, 0)
+
+
+@pytest.mark.parametrize(("held", "joules"), [(False, 16e-15), (True, 32e-15)])
+def test_both_ways_take_the_energy_of_a_clock_from_the_state_of_its_flop(
+    made: Made, tmp_path: Path, held: bool, joules: float
+) -> None:
+    """Check a clock whose edges take 8 fJ while the flop holds 0, and 8 or 24 fJ (rise or fall) while it holds 1.
+
+    The tied reset of the flop has an energy, too. An output toggle takes 10 fJ, and 1 fJ per ns of slew.
+    """
+    low, high = (
+        f'internal_power () {{ when : "{when}"; rise_power (scalar) {{ values ("0.008"); }} '
+        f'fall_power (scalar) {{ values ("{fall}"); }} }}'
+        for when, fall in (("!HELD", 0.008), ("HELD", 0.024))
+    )
+    others, flop = example_library.library().split("cell (PERCH)")
+    flop = re.sub(r"(clock : true; ).*", rf"\1{low} {high} }}", flop, count=1)
+    flop = flop.replace("pin (WIPE) { direction : input;", f"pin (WIPE) {{ direction : input; {low}")
+    path = tmp_path / "quill.lib"
+    path.write_text(f"{others}cell (PERCH){flop}")
+    library = read(path)
+    steps = np.arange(2 * 50 + 1)
+    values = {net: np.array([held]) for net in made.flat.nets} | {"clk": steps % 2 == 1}
+    values |= {cell.pins["BEATS"]: steps % 2 == 1 for cell in made.flat.cells if cell.kind == "SLUMBER"}
+    tables, opensta = LibertyPower(made.flat, library, {}), OpenstaPower(made.flat, library, {})
+    flops = [cell.name for cell in made.flat.cells if cell.kind == "PERCH"]
+    for way in (tables, opensta):
+        found = way.power_w(Activity(50, values), 1e6)
+        assert [found[name][0] for name in flops] == pytest.approx([1e6 * joules] * len(flops), rel=0.01)
+    outputs = [opensta.costs[name].output for name in flops]
+    assert outputs == [[pytest.approx(10e-15, rel=0.03, abs=0)]] * len(flops)
 
 
 def test_both_ways_agree_behind_slow_nets(made: Made, played: dict[str, Activity]) -> None:
