@@ -248,6 +248,6 @@ def results() -> Rows:
     for point in sweep("paper-network"):
         if (point["readout"], point["resolution"]) in (("lcs", 6), ("lcs", 8), ("nlcs", 8)):
             yield filled(network, point)
-    yield from power_rows()
+    yield from power_rows()[:2]
     known = only(read(f"{TEXTURES}merits.json")["timing"], known_from="events")
     yield filled("time of a level crossing from events, median error |  | {median_s:1e6*.0f} us", known)

@@ -165,7 +165,7 @@ def frontier_chip(readout: str, leaks: str = FLOAT_LEAKS) -> Data:
 
 def frontier_chips() -> Rows:
     """Yield a row for each RTL chip with chosen taxels."""
-    line = "{kind:E}, {leaks} | {rate_hz:,.0f} | {right} of {images} | {row:%} | {float[accuracy]:100*.1f} % | "
+    line = "{kind:E}, {leaks} | {rate_hz:,.0f} | {right} of {images} | {row:%} | "
     line += "{a[accuracy]:100*.1f} % | {gain:+%} | {mismatches} of {events:,}"
     for run in read("docs/data/frontier_chip.json")["runs"]:
         chip = frontier_chip(run["readout"], run["leaks"])
