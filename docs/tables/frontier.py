@@ -149,6 +149,7 @@ def candidates() -> Data:
 FLOAT_LEAKS = "those of the float network"
 
 
+@cache  # each takes a second, and several documents need them
 def frontier_chip(readout: str, leaks: str = FLOAT_LEAKS) -> Data:
     """Return the result of an RTL chip with chosen taxels, summed over its seeds, and what float weights add.
 

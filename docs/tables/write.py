@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,9 @@ Rows = Iterable[Mapping[str, Any] | Sequence[str] | str]
 """Rows of ``table``: mappings, which it formats, or the cells themselves, as a list or between `` | ``."""
 
 
+@cache
 def read(path: str) -> Any:
-    """Return the content of a JSON file, by its path from the top of the project."""
+    """Return the content of a JSON file, by its path from the top of the project; callers do not change it."""
     return json.loads((ROOT / path).read_text())
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import comb
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -88,10 +89,8 @@ def mcnemar(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> list[float]:
     It is the probability of numbers at least as unequal, if each image that only one of two classifies correctly
     belongs to either with probability 1/2. ``first``, ``second``: correct predictions, shape (seeds, images).
     """
-    from scipy.stats import binomtest
-
     counts = zip((first & ~second).sum(1).tolist(), (second & ~first).sum(1).tolist(), strict=True)
-    return [float(binomtest(a, a + b).pvalue) if a + b else 1.0 for a, b in counts]
+    return [min(1.0, 2 * sum(comb(a + b, k) for k in range(min(a, b) + 1)) / 2 ** (a + b)) for a, b in counts]
 
 
 def right_of(labels: Sequence[Any], words: Sequence[Sequence[Any]]) -> NDArray[np.bool_]:
