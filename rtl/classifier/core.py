@@ -110,7 +110,7 @@ class Classifier(Block[ClassifierConfig]):
         self.ring = Signal(config.classes * config.output_bits)
         self.evidence_ring = Signal(config.classes * config.evidence_bits)
         if config.layers:
-            self.group = Signal(range(len(config.layers)))
+            self.group, self.passes = Signal(range(len(config.layers))), Signal()
             self.ended = Signal(range(len(config.layers)))
             self.row = Signal(address_bits(config.recurrent_words))
             self.now_waits = Signal()
@@ -302,6 +302,10 @@ class Classifier(Block[ClassifierConfig]):
                     self._next(m, last_neuron, State.OUTPUTS)
             with m.Default():  # OUTPUTS, and an unused state code, which ends as well
                 self._next(m, self.index == config.classes - 1, State.IDLE)
+        if config.layers:
+            behind = self._of_group(m, [group.end - 1 for group in config.stack], "last_of_group")
+            with m.If(self.passes & (self.index == behind)):
+                m.d.sync += self.group.eq(Mux(last_neuron, 0, self.group + 1))
         self._ring(m, advance)
         self._execute(m, fired)
         with m.If((self.state == State.OUTPUTS) & (self.index == config.classes - 1)):
@@ -321,12 +325,8 @@ class Classifier(Block[ClassifierConfig]):
 
     def _next(self, m: Module, last: Value, state: State) -> None:
         """Advance to the next number, or from the last number to the next state."""
-        if self.config.layers:
-            behind = self._of_group(m, [group.end - 1 for group in self.config.stack], f"last_neuron_{state.name}")
-            with m.If(self.index == behind):
-                m.d.sync += self.group.eq((self.group + 1)[: len(self.group)])
-            with m.If(last):
-                m.d.sync += self.group.eq(0)
+        if self.config.layers and state != State.IDLE:  # outputs belong to no group
+            m.d.comb += self.passes.eq(1)
         m.d.sync += [self.index.eq((self.index + 1)[: len(self.index)]), self.step.eq(0)]
         with m.If(last):
             m.d.sync += [self.index.eq(0), self.state.eq(state)]
