@@ -101,7 +101,7 @@ def directed_host(config: ReadoutConfig, rng: random.Random) -> list[Any]:
     write(test.address, 2)
     write(test.address, 0)
     settings = [register for register in found.values() if register.writable and register is not test]
-    for number in range(20):  # again and again, at other clocks of what the array does
+    for number in range(40):  # again and again, at other clocks of what the array does
         for register in settings[:3]:
             write(register.address, 1 if register.name == "control" else register.reset, gap=3 + number)
         write(test.address, 1, gap=30 + number)
@@ -144,7 +144,7 @@ def frame(config: FrameConfig, folder: Path) -> None:
 
 def classifier(config: ClassifierConfig, folder: Path) -> None:
     """Simulate random networks with events at all rates, and with bins that end too early."""
-    for seed in range(10):
+    for seed in range(12):
         play_scans(config, VERILATOR, folder, seed)
         play_scans(config, VERILATOR, folder, seed, "scans_begin_at_any_time")
 

@@ -41,7 +41,9 @@ class Trial:
         if isinstance(c, FrameConfig):
             return f"{c.rows} x {c.columns}, frames, {c.resolution} in {c.word_bits} bits, calm"
         if isinstance(c, ClassifierConfig):
-            return f"{c.inputs} inputs, {c.hidden} hidden, {c.classes} classes, {c.readout}, scans"
+            words = [f"{c.inputs} inputs", f"{c.hidden} hidden", f"{c.classes} classes", c.readout]
+            words += ["own parameters"] * c.own_parameters + [f"{len(c.layers)} layers"] * (len(c.layers) > 1)
+            return ", ".join([*words, "scans"])
         if isinstance(c, TilesConfig):
             return "a tile's relay station, loaded" if c.relays else f"{c.tile_rows} x {c.tile_columns} tiles, loaded"
         words = [f"{c.rows} x {c.columns}", c.encoding, c.link, c.frontend, f"{c.sample_bits} bits"]
@@ -104,14 +106,17 @@ def hosts() -> list[ReadoutConfig]:
 
 
 def classifiers() -> list[ClassifierConfig]:
-    """Return classifiers: four hidden neurons with firing outputs, and five with non-firing outputs."""
+    """Return classifiers with firing and non-firing outputs, with own parameters, and with layers."""
     bits = {"in_bits": 4, "rec_bits": 4, "out_bits": 4, "bias_bits": 4, "membrane_bits": 8, "output_bits": 7}
     both = {"inputs": 4, "classes": 3, "lanes": 2, "clocks_per_bin": 80, "evidence_bits": 6, **bits}
     both |= {"threshold": 12, "out_threshold": 6, "floor": -20, "out_floor": -10}
     other = {"readout": "membrane", "neuron_reset": "subtract", "leak_shift": 2, "out_leak_shift": 1, "threshold": 4}
+    layers = {"layers": [[0, 2, []], [2, 5, [0, 1]]], "neuron_reset": "delayed", "leak_shift": 2}
     return [
         ClassifierConfig.from_dict(both | {"hidden": 4}),
         ClassifierConfig.from_dict(both | {"hidden": 5, "lanes": 4} | other),
+        ClassifierConfig.from_dict(both | {"hidden": 4, "own_parameters": True, "neuron_reset": "subtract"}),
+        ClassifierConfig.from_dict(both | {"hidden": 5} | layers),
     ]
 
 

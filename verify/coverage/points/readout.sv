@@ -49,7 +49,9 @@
 {% set crossed = "T.compare && " ~ crossed %}
 `COVER(asked_while_a_request_waits, {{ some("T.compare && T.pending && !T.granted && T.enable") }})
 `COVER(not_asked_in_the_clock_in_which_a_request_is_taken, {{ some("!T.compare && T.request && T.granted") }})
+{% if config.decide_every == "clock" %}
 `COVER(asked_without_a_sample_before, {{ some("T.compare && !$past(sample_valid)") }})
+{% endif %}
 `COVER(the_comparators_are_ignored, {{ some("!T.compare && T.enable && !T.pending && T.above") }})
 {% endif %}
 `COVER(disabled_while_its_request_waits, {{ some("T.pending && !T.enable && !T.granted") }})
