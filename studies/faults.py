@@ -1,6 +1,6 @@
 """Faults: every flop of small designs inverted, one in each simulation, and hostile inputs to readouts.
 
-The study takes hours; a stopped run continues.
+The study takes about 20 minutes of one core; a stopped run continues.
 """
 
 from pathlib import Path
