@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from eskin.app.catalogue import COMMANDS
+from eskin.cocotb_tests.runner.build_cache import locked
 from tests.test_layers import ROOMS
 
 ROOT = Path(__file__).parents[1]
@@ -18,7 +19,17 @@ ROOT = Path(__file__).parents[1]
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("wheel")
+    run = tmp_path_factory.getbasetemp()
+    folder = (run.parent if "PYTEST_XDIST_WORKER" in os.environ else run) / "wheel"
+    folder.mkdir(exist_ok=True)
+    with locked(folder):  # workers share the wheel, and what Numba compiles in it
+        if not (folder / "site").exists():
+            build(folder)
+    return folder / "site"
+
+
+def build(folder: Path) -> None:
+    """Build the wheel from a copy of the sources, and unpack it into ``site``."""
     sources = folder / "sources"
     for name in ("eskin", "cocotbext-aer", *ROOMS):
         shutil.copytree(ROOT / name, sources / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
@@ -27,9 +38,9 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     options = ["--no-deps", "--no-build-isolation", "--disable-pip-version-check", "-q", "-w", str(folder)]
     subprocess.run([sys.executable, "-m", "pip", "wheel", *options, str(sources)], check=True, cwd=folder)
     with zipfile.ZipFile(next(folder.glob("*.whl"))) as wheel:
-        wheel.extractall(folder / "site")
+        wheel.extractall(folder / "unpacked")
     shutil.rmtree(sources)
-    return folder / "site"
+    (folder / "unpacked").rename(folder / "site")
 
 
 def run(installed: Path, folder: Path, *words: str) -> str:

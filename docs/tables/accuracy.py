@@ -46,19 +46,37 @@ def frame_points() -> dict[str, dict[str, Any]]:
     }
 
 
+NLCS = {
+    "tau-0.02": "N-LCS 6 b, tau 20 ms",
+    "start": "N-LCS 6 b, counted from 10 ms on",
+    "bipolar-0.2": "bipolar N-LCS 4 b, tau 200 ms",
+    "on": "LCS 6 b, ON events alone",
+}
+"""Trainings with other constants or without OFF events (docs/data/classifier/nlcs)."""
+
+
 def nlcs_explained() -> Rows:
     """Return accuracies of N-LCS with other constants or OFF events, of LCS without OFF events, and of the paper."""
-    texts = {
-        "tau-0.02": "N-LCS 6 b, tau 20 ms",
-        "start": "N-LCS 6 b, counted from 10 ms on",
-        "bipolar-0.2": "bipolar N-LCS 4 b, tau 200 ms",
-        "on": "LCS 6 b, ON events alone",
-    }
-    points = [only(read(f"{TEXTURES}nlcs/{name}.json")["points"]) | {"text": text} for name, text in texts.items()]
+    points = [only(read(f"{TEXTURES}nlcs/{name}.json")["points"]) | {"text": text} for name, text in NLCS.items()]
     for point in sweep("paper-network"):
         if (point["readout"], point["resolution"]) in (("nlcs", 6), ("nlcs", 8), ("lcs", 4), ("lcs", 6)):
             points.append(point | {"text": filled("{readout:E} {resolution} b, as above", point)})
     return sorted(points, key=lambda p: p["normalised_rate"])
+
+
+def nlcs_claims() -> Rows:
+    """Yield comparisons of the readouts of ``nlcs_explained``, with the networks of seed 0."""
+    points = {name: only(read(f"{TEXTURES}nlcs/{name}.json")["points"]) for name in NLCS}
+    texts = dict(NLCS)
+    for point in read(f"{TEXTURES}nlcs/seed-0.json")["points"]:
+        points[point["name"]] = point
+        texts[point["name"]] = filled("{readout:E} {resolution} b", point)
+    pairs = [("lcs-4", "nlcs-6"), ("lcs-6", "nlcs-8"), ("nlcs-6", "tau-0.02"), ("nlcs-6", "start")]
+    pairs += [("lcs-6", "on"), ("lcs-4", "bipolar-0.2")]
+    words = {name: point["last"]["predictions"] for name, point in points.items()}
+    answers = {(a, b): Answers(points[a]["labels"], words[a], words[b]) for a, b in pairs}
+    for (a, b), claim in compared(answers).items():
+        yield {"first": texts[a], "second": texts[b]} | claim._asdict()
 
 
 def nir_networks() -> None:

@@ -145,6 +145,7 @@ def test_an_image_of_floats_is_refused(refuses: Any, folder: Path) -> None:
 SMALL = "--folds 2 --epochs 10 --set hidden=8 --set batch=4"
 
 
+@pytest.mark.usefixtures("shorter")
 def test_every_command_applies_the_scale_of_each_taxel(folder: Path, call: Any) -> None:
     write_uneven(folder / "skin", each=6)
     write_uneven(folder / "new", each=1, amplitude=0.5, first=20)  # which scales of their own would hide

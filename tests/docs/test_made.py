@@ -64,6 +64,15 @@ def test_a_comparison_is_judged_by_mcnemar_and_holm() -> None:
     assert tables.counted(claims.values()) == {"of": 3, "more": 1, "less": 1}
 
 
+def test_the_stored_predictions_are_those_of_the_first_table() -> None:
+    folder = "docs/data/"
+    of_seeds = {point["name"]: point for point in tables.read(f"{folder}sweeps/paper-network.json")["points"]}
+    for point in tables.read(f"{folder}classifier/nlcs/seed-0.json")["points"]:
+        (word,) = point["last"]["predictions"]
+        right = sum(a == b for a, b in zip(word, point["labels"], strict=True)) / len(word)
+        assert right == pytest.approx(of_seeds[point["name"]]["last"]["accuracy_of_seeds"][0])
+
+
 def test_every_table_stands_somewhere() -> None:
     blocks = [block for page in PAGES for block in re.findall(r"\[\[\[cog (.*) ]]]", page.read_text())]
     functions = [f for f in vars(tables).values() if inspect.isfunction(f) and f.__module__.startswith("docs.")]

@@ -137,6 +137,7 @@ def test_mistakes_are_one_sentence(folder: Path, call: Call, options: str, sente
     assert sentence in error
 
 
+@pytest.mark.usefixtures("shorter")
 def test_slip_is_trained_with_files_as_groups(folder: Path, call: Call) -> None:
     for name in ("a", "b", "c", "d"):
         write(folder / f"s/{name}.csv", ["no"] * 200 + ["yes"] * 200)
