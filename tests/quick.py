@@ -39,6 +39,7 @@ LONG = (
     "tests/independent/test_agreement.py::test_both_give_the_same_events",
     "tests/test_wheel.py::test_commands_work_elsewhere",
     "tests/docs/test_tutorial.py::test_the_page_shows",
+    "tests/test_install.py::test_every_group_resolves",
     "tests/board/test_gateware.py::test_a_recording",
     "tests/board/test_gateware.py::test_the_classes",
     "tests/verify/test_coverage.py::test_a_dead_line",
