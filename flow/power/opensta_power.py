@@ -102,7 +102,7 @@ class OpenstaPower:
             outputs = " ".join(f"{cell.name}/{self._gated(cell)[0]}" for cell in cells)
             # A second clock with a very long period begins at the outputs, so that the outputs hardly move.
             rest = f"create_clock -name rest -period 1e9 [get_pins {{{outputs}}}]"
-            (report,) = run([set_up(self.netlist.top), rest, f"report {level} {STILL}"], folder)
+            (report,) = run([set_up(self.netlist.top), *self._loads(), rest, f"report {level} {STILL}"], folder)
             found |= {cell.name: report[cell.name] for cell in cells}
         return found
 
