@@ -102,7 +102,10 @@ def layout() -> Rows:
         same, config = report["comparison"], report["configuration"]
         more = {
             "area": report["width_um"] * report["height_um"] / config["rows"] / config["columns"],
-            "broken": len(report["rules"]["violations"]),
+            "broken": len(report["rules"]["violations"]) + len(report["electrical"]["violations"]),
+            "levels": " or ".join(str(number) for number in sorted(set(report["clock_tree"]["levels"]))),
+            "densest": max(report["electrical"]["density"].values()),
+            "inputs": len(report["electrical"]["inputs"]),
             "same": f"{same['transistors']:,} transistors equal" if same else "not compared",
             "cpu_s": sum(report["seconds"].values()),
         }

@@ -1,4 +1,4 @@
-"""Check a layout with KLayout: design rules (DRC), and layout against netlist (LVS)."""
+"""Check a layout with KLayout: design rules (DRC), layout against netlist (LVS), antennas, density, resistance."""
 
 import json
 import xml.etree.ElementTree as ElementTree
@@ -32,6 +32,19 @@ class Comparison:
     differ: tuple[str, ...] = ()  # first nets that differ, that of the layout and that of the netlist
 
 
+@dataclass(frozen=True)
+class Electrical:
+    """Results of the checks of antennas, metal density and wire resistance."""
+
+    antenna_share: float  # largest antenna as a share of its limit, without inputs
+    inputs: tuple[str, ...]  # inputs that need a diode outside
+    density: dict[str, float]  # largest share of each metal in a window
+    # nets: wires from a cell to another; largest_ohm: largest resistance of a wire
+    nets: int
+    largest_ohm: float
+    violations: tuple[str, ...]  # kind, value, limit and place of each
+
+
 def rules(gds: Path, top: str, deck: Path, folder: Path) -> None:
     """Check the design rules of a layout; violations are written to rules.lyrdb."""
     report = (folder / "rules.lyrdb").resolve()
@@ -50,6 +63,12 @@ def read_rules(report: Path) -> Rules:
         place = item.findtext("./values/value", "nowhere")
         violations.append(f"{item.findtext('category', '').strip(chr(39))} at {place}")
     return Rules(checked, tuple(violations))
+
+
+def read_electrical(path: Path) -> Electrical:
+    """Return the results written by the program ``electrical``."""
+    said = json.loads(path.read_text())
+    return Electrical(**said | {name: tuple(said[name]) for name in ("inputs", "violations")})
 
 
 def comparing(deck: str) -> str:

@@ -1,7 +1,7 @@
 """Place and route a netlist with Coriolis (runs in the layout environment).
 
-``python place.py TECHNOLOGY NAME MARGIN [STEPS]`` reads NAME.blif and pins.json, and leaves NAME_r.gds,
-NAME_r_export.def and placed.json. It imports nothing of the project.
+``python place.py TECHNOLOGY NAME MARGIN [STEPS]`` reads NAME.blif and pins.json, and leaves NAME_cts_r.gds,
+NAME_cts_r_export.def, and placed.json with the netlist behind the layout. It imports nothing of the project.
 """
 
 # mypy: ignore-errors
@@ -40,8 +40,13 @@ a pin is, came too close to the next, or the ends of two wires did."""
 LARGE_ENOUGH = ("m1", "m2")
 """Metals whose wires have the least area with their vias: what the router added to be sure came too close to others."""
 
-FILLERS = "tie,tie_w2,tie_w4"
+FILLERS = ("tie", "tie_w2", "tie_w4")
 """Cells that fill gaps: contacts of the wells without transistors, which the netlist does not contain."""
+
+SUPPLIES = ("vdd", "vss")
+
+CLOCK, CLOCK_BUFFER, SINKS, SPARE_UM = "clk", "buf_x4", 18, 60.8
+"""Clock port, buffer of its tree, pins that a buffer drives (about), and side of the squares with spare buffers."""
 
 
 def pins(IoPin, names, side_um):
@@ -61,6 +66,20 @@ def um(length):
     return round(DbU.toPhysical(length, DbU.UnitPowerMicro), 3)
 
 
+def cells(cell):
+    """Return kind and wires of every instance but the fillers, by name."""
+    found = {}
+    for instance in cell.getInstances():
+        kind = instance.getMasterCell().getName()
+        plugs = [(plug.getMasterNet().getName(), plug.getNet()) for plug in instance.getPlugs()]
+        if kind not in FILLERS:
+            found[instance.getName()] = (
+                kind,
+                {pin: net.getName() for pin, net in plugs if net and pin not in SUPPLIES},
+            )
+    return found
+
+
 def main() -> None:
     """Place and route the netlist in the working folder."""
     techno.setup()
@@ -74,9 +93,12 @@ def main() -> None:
         cfg.misc.catchCore = False
         cfg.misc.verboseLevel1 = False
         cfg.misc.verboseLevel2 = False
-        cfg.etesian.feedNames = FILLERS
+        cfg.etesian.feedNames = ",".join(FILLERS)
         cfg.etesian.antennaGateMaxWL = u(NO_DIODES_UM)
         cfg.anabatic.topRoutingLayer = TOP_LAYER
+        cfg.spares.buffer = CLOCK_BUFFER
+        cfg.spares.maxSinks = SINKS
+        cfg.block.spareSide = u(SPARE_UM)
         cfg.katana.eventsLimit = int(sys.argv[4]) if len(sys.argv) > 4 else STEPS
     CRL.AllianceFramework.get().getEnvironment().setCLOCK("^clk$")
     from coriolis.plugins.block.block import Block
@@ -94,7 +116,8 @@ def main() -> None:
     conf.cfg.anabatic.topRoutingLayer = TOP_LAYER
     conf.cfg.katana.hTracksReservedLocal = 10
     conf.cfg.katana.vTracksReservedLocal = 10
-    conf.useSpares = conf.useClockTree = conf.useHFNS = False
+    conf.useSpares, conf.useClockTree, conf.useHFNS = True, True, False
+    conf.useHTree(CLOCK)
     block = Block(conf)
     routed = bool(block.doPnR())
     UpdateSession.open()
@@ -105,7 +128,7 @@ def main() -> None:
     block.save()
     CRL.DefExport.drive(cell, 0)
     box = cell.getAbutmentBox()
-    said = {"routed": routed, "width_um": um(box.getWidth()), "height_um": um(box.getHeight())}
+    said = {"routed": routed, "width_um": um(box.getWidth()), "height_um": um(box.getHeight()), "cells": cells(cell)}
     Path("placed.json").write_text(json.dumps(said))
 
 

@@ -7,9 +7,10 @@ from typing import Any
 from eskin.base.files import make_folder, origin, write_json
 from eskin.cocotb_tests.runner.reproduce import variables
 from eskin.flow.layout import cells
-from eskin.flow.layout.checks import Comparison, Rules
+from eskin.flow.layout.checks import Comparison, Electrical, Rules
 from eskin.flow.layout.circuit import Circuit
 from eskin.flow.layout.environment import REQUIREMENTS
+from eskin.flow.layout.tree import ClockTree
 from eskin.model.config import NO_LOGIC, ReadoutConfig
 
 
@@ -21,7 +22,10 @@ class Try:
     problem: str  # reason why the layout is rejected; empty if accepted
     width_um: float = 0.0
     height_um: float = 0.0
-    rules: Rules | None = None  # None if a wire is open
+    # None if a wire is open, or the netlist is another
+    rules: Rules | None = None
+    tree: ClockTree | None = None
+    electrical: Electrical | None = None
 
 
 @dataclass(frozen=True)
@@ -55,12 +59,20 @@ class Report:
     def closing_line(self) -> str:
         """Return the final message of ``make layout``."""
         last = self.tries[-1]
-        violations = len(last.rules.violations) if last.rules else 0
+        violations = sum(len(found.violations) for found in (last.rules, last.electrical) if found)
         parts = [f"layout: {self.name}", f"{len(self.circuit.cells)} cells"]
         if last.rules:
             parts += [f"{last.width_um:.0f} x {last.height_um:.0f} um", f"{violations} violations"]
         else:
             parts.append("not routed")
+        if last.tree and last.electrical:
+            found = last.electrical
+            parts.append(f"{last.tree.buffers} clock buffers")
+            parts.append(f"antennas at most {100 * found.antenna_share:.0f} % of the limit")
+            if found.inputs:
+                parts.append(f"{len(found.inputs)} inputs need a diode outside")
+            parts.append(f"metals at most {100 * max(found.density.values()):.0f} % dense")
+            parts.append(f"wires at most {found.largest_ohm:.0f} ohm")
         if self.comparison:
             parts.append("netlist equal" if self.comparison.equal else "netlist differs")
         else:
@@ -88,6 +100,8 @@ class Report:
             "equivalence": {"proved": self.proved, "of": self.of},
             "margins": [{"margin": one.margin, "problem": one.problem} for one in self.tries],
             "rules": last.rules and asdict(last.rules),
+            "clock_tree": last.tree and asdict(last.tree),
+            "electrical": last.electrical and asdict(last.electrical),
             "comparison": self.comparison and asdict(self.comparison),
             "problems": self.problems,
             "seconds": self.seconds,

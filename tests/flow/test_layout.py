@@ -1,5 +1,6 @@
 """Test the layout flow, and its checks on faulty layouts."""
 
+import dataclasses
 import json
 import shutil
 import subprocess
@@ -9,12 +10,14 @@ from typing import Any
 import pytest
 
 from eskin.base.errors import InputError
+from eskin.base.workers.engine import Local
 from eskin.flow.layout import cells, checks, circuit, environment, report, run
-from eskin.flow.layout.checks import Comparison, Rules
+from eskin.flow.layout.checks import Comparison, Electrical, Rules
 from eskin.flow.layout.circuit import Circuit
 from eskin.flow.layout.environment import Crashed
 from eskin.flow.layout.report import Report, Try
 from eskin.flow.layout.stages import Stages
+from eskin.flow.layout.tree import ClockTree, tree_of
 from eskin.model.config import ReadoutConfig
 
 PINS = {
@@ -46,6 +49,46 @@ TOY = Circuit(
         "g7": ("buf_x2", {"i": "n6", "q": "y"}),
     },
 )
+
+
+def placed_of(**changed: dict[str, str]) -> Circuit:
+    """Return TOY with a clock tree of two levels, and with other wires at some pins."""
+    cells = {
+        "spare_buffer_0": ("buf_x4", {"i": "clk", "q": "root"}),
+        "spare_buffer_4": ("buf_x4", {"i": "root", "q": "left"}),
+        "spare_buffer_8": ("buf_x4", {"i": "root", "q": "right"}),
+    }
+    leaves = {"g2": {"clk": "left"}, "g6": {"clk": "right"}}
+    cells |= {f"subckt_{name}": (kind, pins | leaves.get(name, {})) for name, (kind, pins) in TOY.cells.items()}
+    for name, pins in changed.items():
+        kind, old = cells[name]
+        cells[name] = (kind, old | pins)
+    return Circuit(TOY.top, TOY.inputs, TOY.outputs, cells)
+
+
+def test_a_clock_tree_changes_nothing_else() -> None:
+    assert tree_of(TOY, TOY) == ClockTree(0, (0, 0), 2)
+    assert tree_of(TOY, placed_of()) == ClockTree(3, (2, 2), 2)
+    assert tree_of(TOY, placed_of(subckt_g6={"clk": "root"})) == ClockTree(3, (1, 2), 3)
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"subckt_g6": {"clk": "n1"}},
+        {"subckt_g6": {"i": "left"}},
+        {"spare_buffer_8": {"i": "n1"}},
+        {"spare_buffer_8": {"i": "right"}},
+        {"subckt_g0": {"i1": "a"}},
+    ],
+    ids=["a flop at another clock", "data at the clock", "a buffer at data", "a buffer at itself", "another wire"],
+)
+def test_a_netlist_with_another_change_is_found(changed: dict[str, dict[str, str]], tmp_path: Path) -> None:
+    assert tree_of(TOY, placed_of(**changed)) is None
+    said = {"routed": True, "width_um": 1.0, "height_um": 2.0, "cells": placed_of(**changed).cells}
+    (tmp_path / "placed.json").write_text(json.dumps(said))
+    found = layout_of(tmp_path, tmp_path).judge(0.1, tmp_path)
+    assert found.problem == "the netlist without the clock tree is another"
 
 
 def test_a_netlist_may_use_all_gates_but_the_misnamed_one() -> None:
@@ -97,6 +140,8 @@ def test_the_comparison_holds_ports_to_their_names() -> None:
 
 
 CLEAN = Rules(194, ())
+TREE = ClockTree(5, (2, 2), 22)
+CALM = Electrical(0.5, ("m3 antenna of 455 at (3.39, 85.49)",), {"m1": 0.16, "m2": 0.1}, 775, 460.0, ())
 
 
 def made_of(*tries: Try, comparison: Comparison | None = None, proved: int = 5) -> Report:
@@ -109,6 +154,11 @@ def test_the_closing_line_and_the_problems() -> None:
     assert good.closing_line() == "layout: toy, 8 cells, 18 x 18 um, 0 violations, netlist equal"
     assert not good.problems
     assert made_of(Try(0.3, "", 18.2, 18.2, CLEAN)).closing_line().endswith("0 violations, netlist not compared")
+    whole = made_of(Try(0.3, "", 18.2, 18.2, CLEAN, TREE, CALM))
+    assert whole.closing_line() == (
+        "layout: toy, 8 cells, 18 x 18 um, 0 violations, 5 clock buffers, antennas at most 50 % of the limit, "
+        "1 inputs need a diode outside, metals at most 16 % dense, wires at most 460 ohm, netlist not compared"
+    )
     bad = made_of(Try(0.3, "", 18.2, 18.2, CLEAN), comparison=Comparison(False, 47, 82, 8, ("a / B",)), proved=4)
     assert bad.problems == [
         "1 of 5 points of the netlist differ from the RTL",
@@ -124,7 +174,10 @@ def test_the_closing_line_and_the_problems() -> None:
 
 
 def test_a_report_says_where_it_is_from() -> None:
-    said = made_of(Try(0.3, "", 20.0, 10.0, CLEAN), comparison=Comparison(True, 47, 82, 8)).to_dict("make layout")
+    equal = Comparison(True, 47, 82, 8)
+    said = made_of(Try(0.3, "", 20.0, 10.0, CLEAN, TREE, CALM), comparison=equal).to_dict("make layout")
+    assert said["clock_tree"] == {"buffers": 5, "levels": (2, 2), "most_pins": 22}
+    assert said["electrical"]["largest_ohm"] == 460.0
     assert said["command"] == "make layout"
     assert {"commit", "date"} <= set(said)
     assert said["utilisation"] == 0.5
@@ -162,17 +215,23 @@ def layout_of(
     return run.Layout(circuit, 250.0, library, known, Stages(folder, lambda stage: None))
 
 
-def test_margins_are_tried_until_one_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Check three attempts: a crash, an open segment, and a rule violation."""
+@pytest.mark.parametrize("workers", [1, 3])
+def test_margins_are_tried_until_one_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int) -> None:
+    """Check five attempts: a crash, an open segment, a rule violation, an antenna, and one without a problem."""
     library = tmp_path / "library"
     library.mkdir()
     (library / "drc.drc").touch()
 
     def place(program: str, *words: str, folder: Path) -> None:
+        if program == "electrical":
+            broken = ("m2 antenna of 500, at most 400, at (1, 2)",) if "0.40" in words[0] else ()
+            said = vars(dataclasses.replace(CALM, violations=broken))
+            (folder / "electrical.json").write_text(json.dumps(said))
+            return
         assert (folder / "toy.blif").read_text() == TOY.blif()
         if words[-1] == "0.1":
             raise Crashed("place ended with code -11: no word")
-        said = {"routed": words[-1] != "0.2", "width_um": 1.0, "height_um": 2.0}
+        said = {"routed": words[-1] != "0.2", "width_um": 1.0, "height_um": 2.0, "cells": placed_of().cells}
         (folder / "placed.json").write_text(json.dumps(said))
 
     def rules(gds: Path, top: str, deck: Path, folder: Path) -> None:
@@ -182,16 +241,19 @@ def test_margins_are_tried_until_one_does(tmp_path: Path, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(environment, "run", place)
     monkeypatch.setattr(checks, "rules", rules)
-    tries, placed = layout_of(tmp_path / "work", library).route((0.1, 0.2, 0.3, 0.4, 0.5))
+    with Local(workers, threads=True) as pool:
+        tries, placed = layout_of(tmp_path / "work", library).route(pool, (0.1, 0.2, 0.3, 0.4, 0.5, 0.6))
     assert [one.problem for one in tries] == [
         "place ended with code -11: no word",
         "a segment is open",
         "1 violations, a at nowhere",
+        "1 violations, m2 antenna of 500, at most 400, at (1, 2)",
         "",
     ]
+    assert tries[-1].tree == ClockTree(3, (2, 2), 2)
     assert placed
-    assert placed.name.startswith("place-0.40-")
-    tries, placed = layout_of(tmp_path / "work", library).route((0.1, 0.2))
+    assert placed.name.startswith("place-0.50-")
+    tries, placed = layout_of(tmp_path / "work", library).route(Local(1), (0.1, 0.2))
     assert tries[-1].problem == "a segment is open"
     assert placed is None
 
@@ -216,6 +278,8 @@ try:
 except InputError as error:
     ABSENT = str(error)
 NEEDS_TOOLS = pytest.mark.skipif(bool(ABSENT), reason=ABSENT)
+MARGIN = 3.0
+"""Free area that is enough for the spare buffers."""
 
 
 @pytest.fixture(scope="module")
@@ -224,32 +288,39 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> tuple[run.Layout, Path]:
     folder = tmp_path_factory.mktemp("toy")
     library = run._cells(Stages(folder, lambda stage: None))
     layout = layout_of(folder, library, circuit.read_spice((library / "cells.spi").read_text()))
-    return layout, layout.place(1.0)
+    return layout, layout.place(MARGIN)
 
 
 @NEEDS_TOOLS
 def test_a_small_layout_is_clean_and_equal(toy: tuple[run.Layout, Path]) -> None:
     layout, placed = toy
-    found = layout.judge(1.0, placed)
+    found = layout.judge(MARGIN, placed)
     assert found.problem == ""
+    assert found.tree == ClockTree(1, (1, 1), 2)
+    assert found.electrical
+    assert found.electrical.nets == 7
+    assert 0 < found.electrical.largest_ohm < 1000
+    assert 0 < found.electrical.density["m1"] < 0.5
     assert found.rules
     assert found.rules.checked > 150
     compared = layout.compare(placed)
     assert compared.equal
     assert compared.ports == 7  # of eight: one is read by nothing
-    assert compared.transistors == sum(layout.known[kind].text.count("\nM") for kind, _ in TOY.cells.values())
+    kinds = ["buf_x4", *(kind for kind, _ in TOY.cells.values())]
+    assert compared.transistors == sum(layout.known[kind].text.count("\nM") for kind in kinds)
 
 
 @NEEDS_TOOLS
 @pytest.mark.parametrize("pairs", [{"n5": "n2"}, {"a": "b", "b": "a"}], ids=["a wire moved", "two ports exchanged"])
 def test_a_broken_connection_is_found(toy: tuple[run.Layout, Path], tmp_path: Path, pairs: dict[str, str]) -> None:
     layout, placed = toy
-    other = dict(TOY.cells)
-    for name in ("g0", "g1", "g5", "g6"):
-        kind, pins = TOY.cells[name]
-        other[name] = (kind, {pin: pairs.get(wire, wire) for pin, wire in pins.items()})
-    circuit = Circuit(TOY.top, TOY.inputs, TOY.outputs, other)
-    compared = layout_of(tmp_path, layout.library, layout.known, circuit).compare(placed)
+    said = json.loads((placed / "placed.json").read_text())
+    for kind, pins in said["cells"].values():
+        if kind in ("nand2_x0", "xor2_x0", "nor2_x0", "dff_x1"):
+            pins |= {pin: pairs.get(wire, wire) for pin, wire in pins.items()}
+    (tmp_path / "placed.json").write_text(json.dumps(said))
+    (tmp_path / f"{layout.top}.gds").symlink_to(placed / f"{layout.top}.gds")
+    compared = layout_of(tmp_path / "work", layout.library, layout.known).compare(tmp_path)
     assert not compared.equal
     assert compared.differ
 
@@ -265,7 +336,7 @@ def test_a_broken_rule_is_found(toy: tuple[run.Layout, Path], tmp_path: Path) ->
     words = [str(environment.python()), "-I", "-c", narrow, str(placed / gds.name), str(gds)]
     subprocess.run(words, check=True)
     shutil.copy(placed / "placed.json", tmp_path)
-    found = layout_of(tmp_path / "work", layout.library, layout.known).judge(1.0, tmp_path)
+    found = layout_of(tmp_path / "work", layout.library, layout.known).judge(MARGIN, tmp_path)
     assert found.rules
     assert found.rules.violations
     assert {one.partition(" at ")[0] for one in found.rules.violations} <= {"m3 width", "m3 area"}
@@ -280,6 +351,49 @@ def test_an_open_segment_is_found(
     layout, _ = toy
     plain = environment.run
     monkeypatch.setattr(environment, "run", lambda *words, **named: plain(*words, "1", **named))
-    tries, placed = layout_of(tmp_path, layout.library, layout.known).route((1.0,))
+    tries, placed = layout_of(tmp_path, layout.library, layout.known).route(Local(1), (MARGIN,))
     assert tries[-1].problem == "a segment is open"
     assert placed is None
+
+
+DRAW = (
+    "import json, sys, klayout.db as db; y = db.Layout(); t = y.create_cell('top')\n"
+    "for layer, datatype, *box in json.loads(sys.argv[1]): t.shapes(y.layer(layer, datatype)).insert(db.DBox(*box))\n"
+    "y.write('drawn.gds')"
+)
+DRAIN = [(65, 20, 0, 0, 1, 1), (66, 44, 0.4, 0.4, 0.57, 0.57)]
+GATE = [(65, 20, 48, 0, 50, 1), (66, 20, 49, -1, 49.5, 2), (66, 44, 49.1, 1.5, 49.27, 1.67)]
+"""Drain and gate, with a contact each: GDS layer, data type, and corners in um."""
+WIRE = [(67, 20, 0.4, 0.4, 49.4, 2)]
+THIN = [(67, 20, 0.4, 0.46, 49.2, 0.51), (67, 20, 49.1, 0.4, 49.4, 2)]
+WIDE = [(68, 20, 0, -1, 50, 1.2)]
+ANTENNA = [(67, 20, 49, 1.4, 49.4, 1.8), (67, 44, 49.1, 1.5, 49.27, 1.67), (68, 20, 49, 1.4, 349, 1.8)]
+BACK = [
+    *((68, 44, 348.5, 1.5, 348.65, 1.65), (69, 20, 0.3, 1.4, 349, 1.8), (68, 44, 0.4, 1.5, 0.55, 1.65)),
+    *((68, 20, 0.3, 0.3, 0.7, 1.8), (67, 44, 0.4, 0.4, 0.57, 0.57), (67, 20, 0.3, 0.3, 0.7, 0.7)),
+]
+"""Two wires in local interconnect; a plate; a long wire at the gate in metal 1, and its way to the drain in metal 2."""
+
+
+@NEEDS_TOOLS
+@pytest.mark.parametrize(
+    ("shapes", "violations", "inputs"),
+    [
+        ([*DRAIN, *GATE, *WIRE], [], 0),
+        ([*DRAIN, *GATE, *THIN], ["wire of 11907 ohm, at most 5000, to (49.19, 1.58)"], 0),
+        ([*DRAIN, *GATE, *WIRE, *WIDE], ["m1 density of 73 %, at most 70 %, at (0, -1)"], 0),
+        ([*DRAIN, *GATE, *ANTENNA, *BACK], ["m1 antenna of 421, at most 400, at (49.00, 1.40)"], 0),
+        ([*GATE, *ANTENNA], [], 1),
+    ],
+    ids=["a good wire", "a thin wire", "a plate of metal", "an antenna", "an input with an antenna"],
+)
+def test_planted_faults_are_found(
+    shapes: list[tuple[float, ...]], violations: list[str], inputs: int, tmp_path: Path
+) -> None:
+    words = [str(environment.python()), "-I", "-c", DRAW, json.dumps(shapes)]
+    subprocess.run(words, check=True, cwd=tmp_path)
+    environment.run("electrical", "drawn.gds", "top", folder=tmp_path)
+    found = checks.read_electrical(tmp_path / "electrical.json")
+    assert list(found.violations) == violations
+    assert len(found.inputs) == inputs
+    assert found.nets == (0 if inputs else 1)

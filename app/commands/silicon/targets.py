@@ -1,5 +1,6 @@
 """The commands layout, fpga and tapeout (docs/results/layout.md, docs/guide/board.md, docs/guide/tapeout.md)."""
 
+import functools
 import sys
 from pathlib import Path
 from shutil import which
@@ -9,6 +10,7 @@ from eskin.app.commands import common
 from eskin.app.options import LOGIC, command, opt, out_folder, with_config
 from eskin.base.errors import InputError
 from eskin.base.files import origin
+from eskin.base.workers.engine import open_pool
 from eskin.board.bitstream.boards import BOARDS
 from eskin.board.sensor import PartName, SensorConfig
 from eskin.model.config import ReadoutConfig
@@ -20,6 +22,7 @@ def layout(
     config: ReadoutConfig,
     name: str = opt("", "name of the run and its folder [from the configuration]"),
     compare: bool = opt(True, "also compare the netlist of the layout with the synthesised one"),
+    workers: int = opt(1, "N", "amounts of free area that are tried at the same time", min=1),
     out: Path = out_folder(Path("out/layout"), "parent folder of the run"),
 ) -> None:
     """Place and route a readout for SkyWater 130 nm and check the layout; exit code 1 if a check fails.
@@ -30,8 +33,8 @@ def layout(
     from eskin.flow.layout.environment import Crashed
 
     common.check_name(name)
-    with common.failing_on(Crashed):
-        found = run.run(config, name, out, compare, lambda stage: print(stage, flush=True))
+    with common.failing_on(Crashed), open_pool(workers, None) as pool:
+        found = run.run(config, name, out, compare, pool, functools.partial(print, flush=True))
     print(report.write(found, out, report.command_of(config, compare)))
     common.conclude(found.problems, found.closing_line())
 
