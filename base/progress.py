@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 import time
@@ -20,6 +21,11 @@ SILENCE_S = 15.0  # time between two lines about long steps where no terminal sh
 def watched() -> bool:
     """Return True if standard error is a terminal."""
     return sys.stderr.isatty()
+
+
+def processor_s() -> float:
+    """Return the processor seconds of this process, and of its child processes that have ended."""
+    return sum(os.times()[:4])
 
 
 def note(text: str) -> None:

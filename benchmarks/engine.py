@@ -24,6 +24,7 @@ import typer
 from distributed.protocol.pickle import dumps
 from measure import RESULTS, JsonFile, versions, write
 
+from eskin.base.progress import processor_s
 from eskin.base.workers.engine import Cluster, Local, Needs, Shared, each
 
 NOTHING = 2000
@@ -37,17 +38,12 @@ Job = tuple[Callable[..., Any], list[tuple[Any, ...]], Shared | None, int]
 """Work, arguments of the measured tasks, shared value, and number of tasks of the whole campaign."""
 
 
-def spent() -> float:
-    """Return the processor seconds of this process and its children that ended."""
-    return sum(os.times()[:4])
-
-
 def metered(*arguments: Any) -> tuple[int, float, float, int]:
     """Run a task; return process, processor seconds of task and process, and bytes of the result."""
     *arguments, work = arguments
-    before = spent()
+    before = processor_s()
     result = work(*arguments)
-    return os.getpid(), spent() - before, spent(), len(pickle.dumps(result))
+    return os.getpid(), processor_s() - before, processor_s(), len(pickle.dumps(result))
 
 
 def formal() -> Job:

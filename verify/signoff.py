@@ -13,6 +13,7 @@ from typing import Any
 
 from eskin.base.errors import InputError
 from eskin.base.files import digest, origin, read_json, write_json
+from eskin.base.progress import processor_s
 from eskin.base.workers.engine import Needs, open_pool, version
 from eskin.base.workers.store import Store
 from eskin.model.encoders import registry
@@ -105,10 +106,10 @@ def _faults(plan: Plan) -> str:
 
 
 def sign_off(plan: Plan, on_step: Callable[[str], object]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Run all steps, and yield each with its seconds, its result, and whether it failed.
+    """Run all steps, and yield each with its result, whether it failed, and its seconds.
 
-    Steps that an earlier sign-off of the same sources finished are not run again. ``on_step`` is called with the name
-    of each step that begins.
+    ``cpu_s`` are seconds of this machine's processors. Steps that an earlier sign-off of the same sources finished are
+    not run again. ``on_step`` is called with the name of each step that begins.
     """
     plan.out.mkdir(parents=True, exist_ok=True)
     given = asdict(plan) | {"out": "", "workers": None, "scheduler": None}
@@ -116,13 +117,16 @@ def sign_off(plan: Plan, on_step: Callable[[str], object]) -> Iterator[tuple[str
     for name, step in steps(plan).items():
         if name not in store:
             on_step(name)
-            began = time.monotonic()
+            began, spent = time.monotonic(), processor_s()
             try:
                 result = {"result": step(), "failed": False}
             except (StepFailed, InputError) as failure:
-                yield name, {"result": str(failure), "failed": True, "seconds": round(time.monotonic() - began, 1)}
+                result = {"result": str(failure), "failed": True}
+            result |= {"seconds": round(time.monotonic() - began, 1), "cpu_s": round(processor_s() - spent, 1)}
+            if result["failed"]:
+                yield name, result
                 continue
-            store.add(name, result | {"seconds": round(time.monotonic() - began, 1)})
+            store.add(name, result)
         yield name, store[name]
 
 

@@ -1,13 +1,13 @@
 """Cache the stages of a long run, each in a folder that is valid until its inputs change."""
 
 import json
-import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 from eskin.base.cache import is_private
 from eskin.base.files import digest, make_folder
+from eskin.base.progress import processor_s
 
 
 class Stages:
@@ -30,17 +30,12 @@ class Stages:
         else:
             self.on_stage(stage)
             part = make_folder(self.folder, f".{stage}.part", empty=True)
-            start = _processor_s()
+            start = processor_s()
             make(part)
-            (part / time_file.name).write_text(json.dumps(round(_processor_s() - start, 1)))
+            (part / time_file.name).write_text(json.dumps(round(processor_s() - start, 1)))
             for old in self.folder.glob(f"{stage}-*"):
                 shutil.rmtree(old)
             part.chmod(0o700)
             part.rename(whole)
         self.seconds[stage] = json.loads(time_file.read_text())
         return whole
-
-
-def _processor_s() -> float:
-    """Return the processor time of this process and its child processes."""
-    return sum(os.times()[:4])

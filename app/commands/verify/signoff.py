@@ -43,7 +43,6 @@ def signoff(
     if publish and not failed:
         session.publish(out)
     echo(f"reports: {out}")
-    seconds = sum(step["seconds"] for step in found.values())
-    common.conclude(
-        (), f"sign-off: {len(found) - len(failed)} of {len(found)} steps passed, {seconds:.0f} s", failed=any(failed)
-    )
+    seconds, spent = (sum(step[name] for step in found.values()) for name in ("seconds", "cpu_s"))
+    said = f"sign-off: {len(found) - len(failed)} of {len(found)} steps passed, "
+    common.conclude((), f"{said}{seconds:.0f} s, {spent:.0f} s of a processor", failed=any(failed))
