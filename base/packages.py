@@ -28,7 +28,11 @@ GROUPS = {
         "apycula": "apycula",
     },
     "lint": {"pyslang": "pyslang"},
-    "registers": {"systemrdl": "systemrdl-compiler", "peakrdl_cheader": "peakrdl-cheader"},
+    "registers": {
+        "systemrdl": "systemrdl-compiler",
+        "peakrdl_cheader": "peakrdl-cheader",
+        "peakrdl_ipxact": "peakrdl-ipxact",
+    },
 }
 """Modules that each optional group of pyproject.toml provides, with the packages that contain them."""
 

@@ -55,7 +55,7 @@ def test_the_readout_inside_has_the_files_that_it_has_without_a_bus(tmp_path: Pa
     call(*options, inside, "--bus", "axi", "--time-bits", 16)
     names = {path.name for path in alone.iterdir()}
     assert {path.name for path in inside.iterdir()} - names == {
-        *(f"eskin_axi.{end}" for end in ("v", "sdc", "json", "core")), "eskin_axi_datasheet.md", "eskin_axi_stream.svg",
+        *(f"eskin_axi{end}" for end in (".v", ".sdc", ".json", ".core", "_tb.sv", "_datasheet.md", "_stream.svg")),
     }  # fmt: skip
     assert {name: (alone / name).read_bytes() for name in names} == {n: (inside / n).read_bytes() for n in names}
     call("verilog", "--bus", "axi", "-o", inside)

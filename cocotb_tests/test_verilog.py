@@ -16,11 +16,12 @@ from eskin.cocotb_tests.test_host import CONFIGS as HOSTS
 from eskin.cocotb_tests.test_readout import breadth, name
 from eskin.model.cases import CHOICES, axes, cases, pairs
 from eskin.model.config import ReadoutConfig
-from eskin.model.registers.export import c_header, page
+from eskin.model.registers.export import c_header, ip_xact, page, system_rdl
 from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl.delivery import constraints, core, description, ports, write
 from eskin.rtl.gates.clock_gates import BEHAVIOUR, GATE
 from eskin.rtl.text.fold import LONGEST
+from eskin.rtl.text.testbench import has_testbench
 from eskin.rtl.verilog import Config, top_block, verilog
 from tests.conftest import run_eskin as call
 
@@ -88,7 +89,8 @@ def delivered(config: Config, folder: Path) -> tuple[str, str, dict[str, Any]]:
     """Write and check the files of a design; return Verilog, constraints and description."""
     top = top_block(config).module_name
     written = write(config, folder)
-    assert written == [folder / f"{top}.{suffix}" for suffix in ("v", "sdc", "json", "core")]
+    ends = [".v", ".sdc", ".json", ".core", *(["_tb.sv"] if has_testbench(config) else [])]
+    assert written == [folder / f"{top}{end}" for end in ends]
     assert set(folder.iterdir()) == set(written)
     assert lint(written[0]) == ""
     text, constraints, described = (path.read_text() for path in written[:3])
@@ -208,12 +210,14 @@ def test_header_and_page_go_with_registers(tmp_path: Path) -> None:
     *lines, load = done.stdout.splitlines()
     assert load == "the link stream sends at most 1,280,000 events/s (1 clock per event, clock 1.28e+06 Hz)"
     names = [Path(line).name for line in lines]
-    assert names[-5:-3] == ["eskin_registers.h", "eskin_registers.md"]
+    assert names[-7:-3] == [f"eskin_registers.{end}" for end in ("h", "md", "rdl", "xml")]
     assert names[-3] == "eskin_readout_datasheet.md"
     header = (tmp_path / "eskin_registers.h").read_text()
     assert header.endswith(c_header(config))
     assert "//   registers = spi" in header
     assert (tmp_path / "eskin_registers.md").read_text() == page(config)
+    assert (tmp_path / "eskin_registers.rdl").read_text().endswith(system_rdl(config))
+    assert (tmp_path / "eskin_registers.xml").read_text() == ip_xact(config)
     stored = json.loads((tmp_path / "eskin_readout.json").read_text())["configuration"]
     assert ReadoutConfig.from_dict(stored) == config
 

@@ -18,7 +18,7 @@ from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.model.registers.description import NAME
-from eskin.model.registers.export import c_header, page
+from eskin.model.registers.export import c_header, ip_xact, page, system_rdl
 from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl.bus.wrapper import AxiReadout
 from eskin.rtl.gates.clock_gates import BEHAVIOUR, GATE, TEST
@@ -112,6 +112,9 @@ HEADER = re.compile(r"\A(?:// .*\n){3}(?://   .*\n)*")
 """Header of a generated Verilog file."""
 
 TEMPLATES = templates(Path(__file__).parent / "templates")
+
+REGISTERS = ("h", "md", "rdl", "xml")
+"""Ends of the names of the files that describe registers: C header, page, SystemRDL, IP-XACT."""
 
 TEST_PORT = {
     "name": TEST,
@@ -297,10 +300,8 @@ def constraints(config: Config, gated: bool = False) -> str:
         return " ".join(pins[name] for name in names if name in pins)
 
     # With the delay on rst, recovery and removal of the flops' asynchronous resets are checked.
-    return TEMPLATES.get_template("constraints.sdc").render(
-        config=config,
-        **{"UNCERTAINTY": UNCERTAINTY, "HOLD_NS": HOLD_NS, "EDGE_NS": EDGE_NS, "CLOCK_EDGE_NS": CLOCK_EDGE_NS},
-        **{"LOAD_PF": LOAD_PF, "OUTSIDE": OUTSIDE, "DECISION_IN": DECISION_IN, "DAC_OUT": DAC_OUT},
+    return timing(
+        config,
         header=header(config, "#"),
         base=base,
         clock=clock,
@@ -312,6 +313,17 @@ def constraints(config: Config, gated: bool = False) -> str:
         references=joined(MACRO_OUT),
         ack=joined(ack),
         spi=joined(SPI),
+    )
+
+
+def timing(config: Config, **names: str) -> str:
+    """Return SDC timing constraints for given names of clock, reset and ports; see ``templates/constraints.sdc``."""
+    none = dict.fromkeys(("decisions", "references", "ack", "spi", "synchronised", "end"), "")
+    return TEMPLATES.get_template("constraints.sdc").render(
+        config=config,
+        **{"UNCERTAINTY": UNCERTAINTY, "HOLD_NS": HOLD_NS, "EDGE_NS": EDGE_NS, "CLOCK_EDGE_NS": CLOCK_EDGE_NS},
+        **{"LOAD_PF": LOAD_PF, "OUTSIDE": OUTSIDE, "DECISION_IN": DECISION_IN, "DAC_OUT": DAC_OUT},
+        **none | names,
     )
 
 
@@ -352,12 +364,10 @@ def _summary(config: Config) -> str:
     return f"{what}, {config.rows} x {config.columns} taxels, {encoding}{config.resolution} b"
 
 
-def _of_registers(config: Config, gated: bool) -> dict[str, str]:
-    """Return the C header and the documentation page of a design with registers, by file name."""
-    readout = config.readout if isinstance(config, ChipConfig) else config
-    if not isinstance(readout, ReadoutConfig) or readout.registers == "none":
-        return {}
-    return {f"{NAME}.h": header(config, "//", gated) + c_header(readout), f"{NAME}.md": page(readout)}
+def _of_registers(config: ReadoutConfig, head: str) -> dict[str, str]:
+    """Return the descriptions of the registers of a readout, by file name; ``head`` is the header of its Verilog."""
+    texts = {"h": head + c_header(config), "md": page(config), "rdl": head + system_rdl(config), "xml": ip_xact(config)}
+    return {f"{NAME}.{end}": texts[end] for end in REGISTERS}
 
 
 def _tiles(skin: TilesConfig) -> str:
@@ -379,9 +389,12 @@ def write(config: Config, folder: Path, gated: bool = False) -> list[Path]:
         ".json": description(config, gated) + "\n",
         ".core": core(config, gated),
     }
-    if isinstance(config, ReadoutConfig) and has_testbench(config):
+    if has_testbench(config):
         files["_tb.sv"] = testbench(config, TEST if gated else "")
-    texts = {f"{top}{suffix}": text for suffix, text in files.items()} | _of_registers(config, gated)
+    texts = {f"{top}{suffix}": text for suffix, text in files.items()}
+    readout = config.readout if isinstance(config, ChipConfig) else config
+    if isinstance(readout, ReadoutConfig) and readout.registers != "none":
+        texts |= _of_registers(readout, header(config, "//", gated))
     texts |= {f"{GATE}.v": header(config, "//", gated) + BEHAVIOUR} if gated else {}
     folder.mkdir(parents=True, exist_ok=True)
     paths: list[Path] = []
@@ -389,7 +402,7 @@ def write(config: Config, folder: Path, gated: bool = False) -> list[Path]:
     if isinstance(config, BusConfig):
         paths = write(config.readout, folder)
     else:
-        earlier = _unchanged(folder, top, {f"{top}_tb.sv", f"{GATE}.v", f"{NAME}.h", f"{NAME}.md"} - set(texts))
+        earlier = _unchanged(folder, top, {f"{GATE}.v", *(f"{NAME}.{end}" for end in REGISTERS)} - set(texts))
     for name, text in texts.items():
         paths.append(folder / name)
         with atomic_write(paths[-1]) as file:
@@ -412,10 +425,9 @@ def _unchanged(folder: Path, top: str, names: Collection[str]) -> list[Path]:
         fields = json.loads((folder / f"{top}.json").read_text())["configuration"]
         text = (folder / f"{top}.v").read_text()
         head = HEADER.findall(text)[0]
-        readout = ReadoutConfig.from_dict(fields.get("readout", fields))
-        written = {f"{GATE}.v": head + BEHAVIOUR, f"{NAME}.h": head + c_header(readout), f"{NAME}.md": page(readout)}
-        if folder / f"{top}_tb.sv" in paths:
-            written[f"{top}_tb.sv"] = testbench(readout, TEST if f" {TEST};" in text else "")
+        written = {f"{GATE}.v": head + BEHAVIOUR}
+        if paths != [folder / f"{GATE}.v"]:
+            written |= _of_registers(ReadoutConfig.from_dict(fields.get("readout", fields)), head)
         return [path for path in paths if path.read_text() == written[path.name]]
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         return []

@@ -8,6 +8,7 @@ from amaranth.lib.wiring import In, Out
 from eskin.model.frame_config import FrameConfig
 from eskin.model.frame_words import bit_positions
 from eskin.rtl.block import Block
+from eskin.rtl.links.link import READY
 from eskin.rtl.logic import or_tree
 
 
@@ -254,3 +255,36 @@ def sample_ports(config: FrameConfig, flow: Any) -> dict[str, Any]:
 def word_ports(config: FrameConfig) -> dict[str, Any]:
     """Return the ports of the output word stream."""
     return {"word_valid": Out(1), "word_ready": In(1), "word_data": Out(config.word_bits), "word_sync": Out(1)}
+
+
+def converter(config: FrameConfig) -> str:
+    """Return the ADC of the delivered testbench."""
+    return f"""\
+  // The ADC samples the selected taxel at the edge that ends adc_start. Its code is wrong before
+  // adc_done.
+  reg [{config.resolution - 1}:0] code;
+  integer remaining = 0;
+  integer taxel;
+  always @(posedge clk) begin
+    if (running && adc_start) begin
+      code = 0;
+      for (taxel = 0; taxel < {config.taxels}; taxel = taxel + 1)
+        if (row_select[taxel/{config.columns}] && column_select[taxel%{config.columns}])
+          code = code | sample[taxel*{config.resolution}+:{config.resolution}];
+      remaining = {config.adc_clocks};
+    end else if (remaining != 0) remaining = remaining - 1;
+    adc_done <= remaining == 1;
+    adc_code <= remaining == 1 ? code : ~code;
+  end
+"""
+
+
+RECEIVER = f"""\
+  // The sink is not ready in one of {len(READY)} clocks.
+  always @(posedge clk) begin
+    word_ready <= !running || (clock + 1) % {len(READY)} != {READY.index(0)};
+    if (running && word_valid && word_ready) check(clock, {{word_sync, word_data}});
+    if (running && frame_overrun) fail("a frame_start is not heard");
+  end
+"""
+"""Sink of the delivered testbench."""

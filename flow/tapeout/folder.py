@@ -19,6 +19,7 @@ from eskin.flow.tapeout.shuttles import DENSITY, Shuttle
 from eskin.model.config import ReadoutConfig
 from eskin.model.registers.description import registers
 from eskin.rtl import yosys
+from eskin.rtl.delivery import timing
 from eskin.rtl.registers.loader import SampleLoader
 from eskin.rtl.verilog import block_verilog, header, verilog
 
@@ -63,7 +64,7 @@ class Tapeout:
         files["test/tb.v"] = self._filled("tb.v", instance=pads)
         files["test/test.py"] = (TEMPLATES / "test.txt").read_text()
         files["test/expected.json"] = json.dumps(case(self.config)) + "\n"
-        files["test/requirements.txt"] = "cocotb>=2,<3\n"
+        files["test/requirements.txt"] = (TEMPLATES / "requirements.txt").read_text()
         cells = " ".join(f"$(PDK_ROOT)/{self.shuttle.pdk}/{path}" for path in self.shuttle.cells)
         power = "-DUSE_POWER_PINS -DUNIT_DELAY=\\#1" if self.shuttle.name == "tt-sky" else ""
         sources = " ".join([*self.sources] if self.shuttle.tiny else ["chip_core.sv", *self.sources])
@@ -106,7 +107,32 @@ class Tapeout:
         lines.append("yaml_version: 6")
         # Beside the settings of every flow, those that Tiny Tapeout requires: its tiles have one grid of power lines.
         settings = self._filled("config.json", density=round(100 * DENSITY), period=self.period_ns)
-        return {"info.yaml": "\n".join(lines) + "\n", "src/config.json": settings}
+        files = {
+            "info.yaml": "\n".join(lines) + "\n",
+            "src/config.json": settings,
+            "src/project.sdc": self._constraints(),
+        }
+        return files
+
+    def _constraints(self) -> str:
+        """Return the timing constraints of the chip behind the pins of Tiny Tapeout."""
+        asynchronous = [f"ui_in[{bit}]" for bit, name in enumerate(pins.INPUTS) if name in pins.ASYNCHRONOUS]
+        acks = [f"ui_in[{bit}]" for bit, name in enumerate(pins.INPUTS) if name == "aer_ack"]
+        timed = [f"ui_in[{bit}]" for bit, name in enumerate(pins.INPUTS) if f"ui_in[{bit}]" not in asynchronous + acks]
+        return timing(
+            self.config,
+            header=header(self.config, "#").replace("eskin_readout:", f"{self.top}:", 1),
+            base="sample rate times clocks per sample",
+            clock="clk",
+            reset="rst_n",
+            driven="ui_in[*] uio_in[*] ena",
+            inputs=" ".join([*timed, "uio_in[*]", "ena"]),
+            outputs="uo_out[*] uio_out[*] uio_oe[*]",
+            ack=" ".join(acks),
+            spi=" ".join(asynchronous),
+            synchronised="rst_n",
+            end=(TEMPLATES / "librelane.sdc").read_text(),
+        )
 
     def _wafer(self) -> dict[str, str]:
         """Return the files to copy over the template of wafer.space."""

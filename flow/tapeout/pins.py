@@ -7,6 +7,8 @@ from eskin.model.links.four_phase import FourPhase
 from eskin.model.links.four_phase_dual import FourPhaseDual
 
 INPUTS = ("spi_sck", "spi_mosi", "registers_cs_n", "samples_cs_n", "aer_ack", "enable", "", "")
+ASYNCHRONOUS = ("spi_sck", "spi_mosi", "registers_cs_n", "samples_cs_n")
+"""Inputs without a relation to the clock, beside ``aer_ack``."""
 CLOCKS_PER_BIT = 4
 CLOCKS_BESIDE = 16
 """Clocks of a frame in addition to its bits, with a margin."""

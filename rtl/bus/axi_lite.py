@@ -12,6 +12,35 @@ from eskin.model.registers.spi import ADDRESS_BITS
 from eskin.rtl.block import Block
 from eskin.rtl.registers.spi import PINS
 
+HOST = """\
+  // A processor at the bus.
+  task transfer(input write, input [14:0] address, input [31:0] data);
+    begin
+      s_axi_awaddr = address[11:0];
+      s_axi_araddr = address[11:0];
+      s_axi_wdata = data;
+      s_axi_wstrb = 4'hf;
+      s_axi_awvalid = write;
+      s_axi_wvalid = write;
+      s_axi_arvalid = !write;
+      while ((write ? s_axi_awready && s_axi_wready : s_axi_arready) !== 1'b1) @(negedge aclk);
+      @(negedge aclk);
+      s_axi_awvalid = 1'b0;
+      s_axi_wvalid = 1'b0;
+      s_axi_arvalid = 1'b0;
+      s_axi_bready = write;
+      s_axi_rready = !write;
+      while ((write ? s_axi_bvalid : s_axi_rvalid) !== 1'b1) @(negedge aclk);
+      word = s_axi_rdata;
+      if ((write ? s_axi_bresp : s_axi_rresp) !== 2'b00) fail("an error response");
+      @(negedge aclk);
+      s_axi_bready = 1'b0;
+      s_axi_rready = 1'b0;
+    end
+  endtask
+"""
+"""Host of the delivered testbench: a task for one access, which leaves what it reads in ``word``."""
+
 
 def lite_ports(address_bits: int = BUS_ADDRESS_BITS, word_bits: int = WORD_BITS) -> dict[str, Any]:
     """Return the ports of the bus; ``AWPROT`` and ``ARPROT`` have no effect."""

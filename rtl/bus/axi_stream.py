@@ -12,6 +12,15 @@ from eskin.rtl.block import Block
 ORDER = ("event_col", "event_row", "event_polarity")
 """Ports of an event in ``TDATA``, from the least significant bit on."""
 
+SINK = """\
+  // The sink is always ready.
+  always @(posedge aclk) begin
+    m_axis_tready <= 1'b1;
+    if (running && m_axis_tvalid && m_axis_tready) check(clock, {m_axis_tlast, m_axis_tdata});
+  end
+"""
+"""Sink of the delivered testbench."""
+
 
 def stream_ports(config: BusConfig) -> dict[str, Any]:
     """Return the ports of the stream."""

@@ -8,7 +8,7 @@ from amaranth.lib.wiring import In, Out
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.arbiter import event_ports
 from eskin.rtl.block import Block
-from eskin.rtl.links.link import Hardware
+from eskin.rtl.links.link import ACK_EIGHTHS, Hardware, joined
 
 
 class FourPhaseLink(Block[ReadoutConfig]):
@@ -87,11 +87,38 @@ def aer_ports(config: ReadoutConfig) -> dict[str, Any]:
     return {name: Out(1) for name in config.protocol.requests} | {"aer_ack": In(1)} | address
 
 
+def receiver(config: ReadoutConfig) -> str:
+    """Return a receiver of the delivered testbench, which also checks that the address is stable."""
+    requests = config.protocol.requests
+    address = ["aer_addr"] if config.address_bits else []
+    event = joined([*requests[: len(requests) - 1], *address])
+    text = f"""\
+  // The receiver: ACK follows each edge of the request {ACK_EIGHTHS / 8:g} clocks later.
+  wire request = {" | ".join(requests)};
+  reg request_before = 1'b0;
+  always @(request) #{ACK_EIGHTHS} aer_ack = request;
+  always @(posedge clk)
+    if (running) begin
+      request_before <= request;
+      if (request && !request_before) check(clock - 1, {event});
+    end
+"""
+    if address:
+        text += f"""\
+  reg [{config.address_bits - 1}:0] address_before;
+  always @(posedge clk) begin
+    address_before <= aer_addr;
+    if (running && (request || aer_ack) && aer_addr !== address_before) fail("the address changes");
+  end
+"""
+    return text
+
+
 def _hardware(requests: dict[str, str]) -> Hardware:
     """Return the hardware of a link with given requests and their meanings."""
     address = "{address_bits}; stable from one clock before a request rises until aer_ack has fallen"
     meanings = requests | {"aer_ack": "acknowledge, asynchronous", "aer_addr": address}
-    return Hardware(aer_ports, meanings, FourPhaseLink, ("aer_ack",))
+    return Hardware(aer_ports, meanings, receiver, FourPhaseLink, ("aer_ack",))
 
 
 FOUR_PHASE = _hardware({"aer_req": "request, four-phase"})

@@ -7,11 +7,36 @@ from amaranth.lib.wiring import In, Out
 
 from eskin.model.config import ReadoutConfig
 from eskin.model.registers.description import WORD_BITS, WORD_BYTES
-from eskin.model.registers.spi import ADDRESS_BITS
+from eskin.model.registers.spi import ADDRESS_BITS, COMMAND_BITS, HIGH_CLOCKS, LOW_CLOCKS_TO_READ
 from eskin.rtl.block import Block
 
 PINS = {"spi_sck": In(1), "spi_cs_n": In(1), "spi_mosi": In(1), "spi_miso": Out(1), "spi_miso_enable": Out(1)}
 """The pins, as ports of whatever has them."""
+
+HOST = f"""\
+  // A host at the SPI pins.
+  reg [{COMMAND_BITS + WORD_BITS - 1}:0] sent;
+  integer place;
+  task transfer(input write, input [{ADDRESS_BITS - 1}:0] address, input [{WORD_BITS - 1}:0] data);
+    begin
+      sent = {{write, address, data}};
+      repeat (6) @(negedge clk);
+      spi_cs_n = 1'b0;
+      repeat (4) @(negedge clk);
+      for (place = {COMMAND_BITS + WORD_BITS - 1}; place >= 0; place = place - 1) begin
+        spi_mosi = sent[place];
+        repeat ({LOW_CLOCKS_TO_READ}) @(negedge clk);
+        word = {{word[{WORD_BITS - 2}:0], spi_miso_enable ? spi_miso : 1'bx}};
+        spi_sck = 1'b1;
+        repeat ({HIGH_CLOCKS}) @(negedge clk);
+        spi_sck = 1'b0;
+      end
+      repeat (4) @(negedge clk);
+      spi_cs_n = 1'b1;
+    end
+  endtask
+"""
+"""Host of the delivered testbench: a task for one transfer, which leaves what it reads in ``word``."""
 
 
 class SpiSlave(Block[ReadoutConfig]):

@@ -13,7 +13,7 @@ set_input_transition {{ CLOCK_EDGE_NS }} [get_ports { {{- clock }} {{ reset -}} 
 set_load -pin_load {{ LOAD_PF }} [all_outputs]
 
 # A fifth of the period belongs to whatever drives an input or takes an output.
-{% if config.reset == "async" %}
+{% if config.reset == "async" and not synchronised %}
 # {{ reset }} is asserted at any time and released in step with the clock.
 {% endif %}
 set_input_delay [expr {{ OUTSIDE }} * $period_ns] -clock {{ clock }} [get_ports { {{- inputs -}} }]
@@ -34,3 +34,9 @@ set_false_path -from [get_ports { {{- ack -}} }]
 # Asynchronous; two flops in the SPI slave take each.
 set_false_path -from [get_ports { {{- spi -}} }]
 {% endif %}
+{% if synchronised %}
+
+# Begins at any time; two flops of the chip end it in step with the clock.
+set_false_path -from [get_ports { {{- synchronised -}} }]
+{% endif %}
+{{ end -}}

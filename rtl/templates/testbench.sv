@@ -1,48 +1,102 @@
-// {{ ticks }} sample ticks of {{ config.clocks_per_sample }} clocks; {{ count }} events, as the model gives them.
-module eskin_readout_tb;
-  reg clk = 1'b0;
-  reg rst = 1'b1;
-  reg sample_valid = 1'b0;
-  reg [{{ wide - 1 }}:0] sample = {{ wide }}'h0;
-  reg [{{ wide - 1 }}:0] samples [0:{{ ticks - 1 }}];
-  reg [{{ width - 1 }}:0] expected [0:{{ [count - 1, 0] | max }}];
-  wire event_valid;
-{% for name, bits in present %}
-  wire [{{ bits - 1 }}:0] {{ name }};
+{{ header -}}
+//
+// Self-checking testbench: plays {{ ticks | length }} {{ what }}, and compares clock and value of
+// {{ count }} {{ item }}s with the golden model. It prints PASS, or the first difference and FAIL,
+// and then returns an error.
+//   $ iverilog -g2012 -o bench *.v {{ top }}_tb.sv && vvp -n bench
+//   $ verilator --binary --top {{ top }}_tb *.v {{ top }}_tb.sv
+//   $ obj_dir/V{{ top }}_tb
+module {{ top }}_tb;
+  localparam COUNT = {{ count }};
+  localparam END = {{ end }};  // clock of the end, and of the time-out
+
+{% for port in ports %}
+  {{ "reg" if port.driven else "wire" }} {{ port.range }}{{ port.name }}{{ " = " + port.initial if port.driven }};
 {% endfor %}
-  integer seen = 0;
-  integer errors = 0;
-  integer tick;
-  eskin_readout readout(.clk(clk), .rst(rst), .taxel_enable({ {{- config.taxels }}{1'b1}}), .sample(sample),
-      .sample_valid(sample_valid), .event_valid(event_valid), .event_ready(1'b1)
-{%- if tied %}, .{{ tied }}(1'b0){% endif %}
-{%- for name, _ in present %}, .{{ name }}({{ name }}){% endfor %});
-  always #5 clk = ~clk;
-  always @(negedge clk)
-    if (!rst && event_valid) begin
-      if (seen >= {{ count }} || {{ seen }} !== expected[seen]) errors = errors + 1;
+  {{ top }} dut (
+{% for port in ports %}
+    .{{ port.name }}({{ port.name }}){{ "," if not loop.last }}
+{% endfor %}
+  );
+
+  reg running = 1'b0;
+  integer clock = 0;  // since the reset
+  integer seen = 0;  // {{ item }}s that have left
+  reg played = 1'b0;  // the stimulus is at its end
+  reg [{{ bits + 31 }}:0] expected [0:COUNT-1];  // {clock, {{ item }}}
+  reg [{{ wide - 1 }}:0] played_samples [0:{{ ticks | length - 1 }}];
+{% if ports | selectattr("name", "equalto", "sample") | list | length == 0 %}
+  reg [{{ wide - 1 }}:0] sample = {{ wide }}'h0;
+{% endif %}
+
+  always #4 {{ clk }} = ~{{ clk }};
+  always @(posedge {{ clk }}) if (running) clock <= clock + 1;
+
+  task show(input [{{ bits + 31 }}:0] found);
+    $display("  clock %0d: {{ shown | join(", ") }}",
+             found[{{ bits }}+:32]{% for low, width in fields %}, found[{{ low }}+:{{ width }}]{% endfor %});
+  endtask
+
+  task fail(input string reason);
+    $fatal(1, "FAIL: %0s in clock %0d", reason, clock);
+  endtask
+
+  task check(input integer at, input [{{ bits - 1 }}:0] found);
+    begin
+      if (seen == COUNT) begin
+        $display("more than %0d {{ item }}s; the next is:", COUNT);
+        show({at, found});
+        fail("unexpected {{ item }}");
+      end else if ({at, found} !== expected[seen]) begin
+        $display("{{ item }} %0d of %0d, expected and found:", seen + 1, COUNT);
+        show(expected[seen]);
+        show({at, found});
+        fail("wrong {{ item }}");
+      end
       seen = seen + 1;
     end
+  endtask
+
+  always @(posedge {{ clk }})
+    if (clock == END) begin
+      if (!played) fail("time-out");
+      else if (seen < COUNT) begin
+        $display("only %0d of %0d {{ item }}s; the next should be:", seen, COUNT);
+        show(expected[seen]);
+        fail("missing {{ item }}");
+      end else begin
+        $display("PASS: %0d {{ item }}s", seen);
+        $finish;
+      end
+    end
+
+{% for part in parts %}
+{{ part }}
+{% endfor %}
+  integer tick;
   initial begin
-{% for word in samples %}
-    samples[{{ loop.index0 }}] = {{ wide }}'h{{ "%x" | format(word) }};
+{% for word in ticks %}
+    played_samples[{{ loop.index0 }}] = {{ literal(word, wide) }};
 {% endfor %}
-{% for word in expected %}
-    expected[{{ loop.index0 }}] = {{ width }}'h{{ "%x" | format(word) }};
+{% for clock, value in expected %}
+    expected[{{ loop.index0 }}] = {32'd{{ clock }}, {{ bits }}'h{{ "%x" | format(value) }}};
 {% endfor %}
-    repeat (3) @(negedge clk);
-    rst = 1'b0;
-    for (tick = 0; tick < {{ ticks }}; tick = tick + 1) begin
-      sample = samples[tick];
-      sample_valid = 1'b1;
-      @(negedge clk) sample_valid = 1'b0;
-      repeat ({{ config.clocks_per_sample - 1 }}) @(negedge clk);
+    repeat (3) @(negedge {{ clk }});
+    {{ release }}
+    running = 1'b1;
+{% for line in before %}
+    {{ line }}
+{% endfor %}
+    while (clock < {{ start }}) @(negedge {{ clk }});
+    for (tick = 0; tick < {{ ticks | length }}; tick = tick + 1) begin
+      sample = played_samples[tick];
+      {{ strobe }} = 1'b1;
+      @(negedge {{ clk }}) {{ strobe }} = 1'b0;
+      repeat ({{ period - 1 }}) @(negedge {{ clk }});
     end
-    repeat ({{ count + 4 * config.taxels + 16 }}) @(negedge clk);
-    if (errors == 0 && seen == {{ count }} && seen > 0) begin
-      $display("PASSED: %0d events", seen);
-      $finish;
-    end
-    $fatal(1, "FAILED: %0d of {{ count }} events, %0d of them wrong", seen, errors);
+{% for line in after %}
+    {{ line }}
+{% endfor %}
+    played = 1'b1;
   end
 endmodule

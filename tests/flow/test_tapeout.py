@@ -2,12 +2,18 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from eskin.flow import programs
+from eskin.flow.liberty.library import Library
+from eskin.flow.tapeout.folder import TEMPLATES, plan
+from eskin.flow.tapeout.pins import readout_for
+from eskin.flow.tapeout.shuttles import SHUTTLES
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.registers.loader import SampleLoader
 from eskin.rtl.verilog import block_rtlil, block_verilog
@@ -73,6 +79,42 @@ def test_tiny_tapeout_finds_all_its_files(call: Call, folder: Path) -> None:
     assert json.loads((folder / "chip/src/config.json").read_text())["CLOCK_PERIOD"] == pytest.approx(
         195.312, abs=0.001
     )
+
+
+def test_the_packages_of_the_test_are_those_of_the_project() -> None:
+    pinned = (TEMPLATES / "requirements.txt").read_text().split()
+    assert {one.split("==")[0] for one in pinned} == {"cocotb", "pytest"}
+    constraints = Path(__file__).parents[2] / "constraints.txt"
+    assert set(pinned) <= set(constraints.read_text().splitlines())
+
+
+@pytest.mark.skipif(shutil.which("sta") is None, reason="OpenSTA is not installed: apt-get install opensta")
+def test_every_pin_of_tiny_tapeout_has_a_constraint(library: Library, folder: Path) -> None:
+    config = readout_for(ReadoutConfig(rows=1, columns=2), frozenset(), SHUTTLES["tt-ihp"])
+    made, cells = plan(config, SHUTTLES["tt-ihp"], library, "2x2", "tt_um_skin", "N", "T")
+    assert cells is not None
+    made.write(folder, cells)
+    constant = {f"uo_out[{bit}]" for bit in range(4, 8)} | {"uo_out[3]"} | {f"uio_oe[{bit}]" for bit in range(8)}
+    constant |= {f"uio_out[{bit}]" for bit in range(config.address_bits, 8)}
+    text = (folder / "src/project.sdc").read_text()
+    asynchronous = {"rst_n", *(f"ui_in[{bit}]" for bit in range(5))}  # false paths, without an input delay
+    found = complaints(cells.netlist, library, text) - constant
+    assert {pin for pin in found if "/" not in pin} == asynchronous
+    assert len(found - asynchronous) == 1  # the first flop of the reset, whose input is constant
+    assert "uo_out[0]" in complaints(cells.netlist, library, text.replace("{uo_out[*] ", "{"))
+
+
+def complaints(netlist: str, library: Library, constraints: str) -> set[str]:
+    """Return the pins that OpenSTA finds without a constraint; check that the clock is met."""
+    script = (
+        "read_liberty cells.lib; read_verilog netlist.v; link_design tt_um_skin; source project.sdc; "
+        'check_setup -verbose; puts "SLACK <<[worst_slack -max]>>"'
+    )
+    files = {"cells.lib": library.content, "netlist.v": netlist, "project.sdc": constraints}
+    said = programs.opensta(script, files)
+    assert said.status == 0, said.text
+    assert 0 < float(said.values["SLACK"]) < 1000, said.text
+    return {line.strip() for line in said.text.splitlines() if line.startswith(" ")}
 
 
 @pytest.mark.parametrize("path", ["/usr/bin:/bin", f"{Path(sys.executable).parent}:/usr/bin:/bin"])

@@ -22,7 +22,7 @@ from eskin.model.readout import Stimulus, simulate
 from eskin.model.registers import settings
 from eskin.model.registers.description import NAME, WORD_BITS, registers
 from eskin.model.registers.driver import Registers
-from eskin.model.registers.export import c_header, page
+from eskin.model.registers.export import c_header, ip_xact, page, system_rdl
 from eskin.model.registers.file import RegisterFile, Settings, Write
 from eskin.model.registers.spi import COMMAND_BITS, Pins, SpiSlave
 from tests.model.refused import refused
@@ -106,6 +106,38 @@ def test_the_header_compiles_and_says_what_the_python_class_says(config: Readout
     assert {line.split()[0]: int(line.split()[1]) for line in said.splitlines()} == expected | offsets
     defined = set(re.findall(r"^#define (\w+_(?:bm|bp|bw|reset)) ", c_header(config), re.MULTILINE))
     assert defined == set(expected)
+
+
+@pytest.mark.parametrize("config", CONFIGS[1:], ids=lambda c: f"{c.rows}x{c.columns}-{c.encoding}")
+@pytest.mark.parametrize("form", ["rdl", "xml"])
+def test_system_rdl_and_ip_xact_describe_the_registers(config: ReadoutConfig, form: str, tmp_path: Path) -> None:
+    from peakrdl_ipxact import IPXACTImporter
+    from systemrdl import RDLCompiler, RegNode
+
+    config = config.replace(receptive_fields="settable", resolution=5, leak_shift=3)
+    path = tmp_path / f"registers.{form}"
+    path.write_text(system_rdl(config) if form == "rdl" else ip_xact(config))
+    compiler = RDLCompiler()
+    compiler.compile_file(str(path)) if form == "rdl" else IPXACTImporter(compiler).import_file(str(path))
+    found = {}
+    for node in (n for n in compiler.elaborate().top.descendants(unroll=True) if isinstance(n, RegNode)):
+        key = node.inst_name + (f"[{node.current_idx[0]}]" if node.is_array else "")
+        fields = [
+            (f.inst_name, f.low, f.width, f.get_property("reset"), f.is_sw_readable, f.is_sw_writable)
+            for f in node.fields()
+        ]
+        found[key] = (node.absolute_address, node.get_property("regwidth"), fields)
+    assert found == {
+        register.key: (
+            register.address,
+            WORD_BITS,
+            [
+                (f.name, f.low, f.width, f.reset, f.kind != "pulse", f.kind in ("setting", "pulse"))
+                for f in register.fields
+            ],
+        )
+        for register in registers(config)
+    }
 
 
 def test_the_python_class_reads_what_it_wrote_through_slave_and_file() -> None:

@@ -61,8 +61,8 @@ def verilog(
 ) -> None:
     """Write the Verilog of a readout with timing constraints, port list (JSON) and FuseSoC core file.
 
-    The files are eskin_readout.v or eskin_frame_readout.v, .sdc, .json and .core. --registers spi adds
-    eskin_registers.h and eskin_registers.md. All designs except --chip also get a datasheet.
+    The files are eskin_readout.v or eskin_frame_readout.v, .sdc, .json, .core and the testbench _tb.sv. --registers spi
+    adds eskin_registers.h, .rdl (SystemRDL), .xml (IP-XACT) and .md. All designs except --chip also get a datasheet.
     """
     if bus is not None or time_bits is not None:
         spiking = spiking_or_frame(readout, config, given, stored | own)
