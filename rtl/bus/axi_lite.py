@@ -14,7 +14,7 @@ from eskin.rtl.registers.spi import PINS
 
 HOST = """\
   // A processor at the bus.
-  task transfer(input write, input [14:0] address, input [31:0] data);
+  task static transfer(input logic write, input logic [14:0] address, input logic [31:0] data);
     begin
       s_axi_awaddr = address[11:0];
       s_axi_araddr = address[11:0];

@@ -17,7 +17,8 @@ HOST = f"""\
   // A host at the SPI pins.
   reg [{COMMAND_BITS + WORD_BITS - 1}:0] sent;
   integer place;
-  task transfer(input write, input [{ADDRESS_BITS - 1}:0] address, input [{WORD_BITS - 1}:0] data);
+  task static transfer(input logic write, input logic [{ADDRESS_BITS - 1}:0] address,
+                       input logic [{WORD_BITS - 1}:0] data);
     begin
       sent = {{write, address, data}};
       repeat (6) @(negedge clk);

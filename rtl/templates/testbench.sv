@@ -7,8 +7,8 @@
 //   $ verilator --binary --top {{ top }}_tb *.v {{ top }}_tb.sv
 //   $ obj_dir/V{{ top }}_tb
 module {{ top }}_tb;
-  localparam COUNT = {{ count }};
-  localparam END = {{ end }};  // clock of the end, and of the time-out
+  localparam int COUNT = {{ count }};
+  localparam int END = {{ end }};  // clock of the end, and of the time-out
 
 {% for port in ports %}
   {{ "reg" if port.driven else "wire" }} {{ port.range }}{{ port.name }}{{ " = " + port.initial if port.driven }};
@@ -23,8 +23,8 @@ module {{ top }}_tb;
   integer clock = 0;  // since the reset
   integer seen = 0;  // {{ item }}s that have left
   reg played = 1'b0;  // the stimulus is at its end
-  reg [{{ bits + 31 }}:0] expected [0:COUNT-1];  // {clock, {{ item }}}
-  reg [{{ wide - 1 }}:0] played_samples [0:{{ ticks | length - 1 }}];
+  reg [{{ bits + 31 }}:0] expected [{{ [count, 1] | max }}];  // {clock, {{ item }}}
+  reg [{{ wide - 1 }}:0] played_samples [{{ ticks | length }}];
 {% if ports | selectattr("name", "equalto", "sample") | list | length == 0 %}
   reg [{{ wide - 1 }}:0] sample = {{ wide }}'h0;
 {% endif %}
@@ -32,16 +32,16 @@ module {{ top }}_tb;
   always #4 {{ clk }} = ~{{ clk }};
   always @(posedge {{ clk }}) if (running) clock <= clock + 1;
 
-  task show(input [{{ bits + 31 }}:0] found);
+  task static show(input logic [{{ bits + 31 }}:0] found);
     $display("  clock %0d: {{ shown | join(", ") }}",
              found[{{ bits }}+:32]{% for low, width in fields %}, found[{{ low }}+:{{ width }}]{% endfor %});
   endtask
 
-  task fail(input string reason);
+  task static fail(input string reason);
     $fatal(1, "FAIL: %0s in clock %0d", reason, clock);
   endtask
 
-  task check(input integer at, input [{{ bits - 1 }}:0] found);
+  task static check(input integer at, input logic [{{ bits - 1 }}:0] found);
     begin
       if (seen == COUNT) begin
         $display("more than %0d {{ item }}s; the next is:", COUNT);

@@ -43,6 +43,20 @@ IDLE_HIGH = {"rst": "1'b1", "spi_cs_n": "1'b1"}
 VECTORS = ("taxel_enable", "above", "below", "compare", "row_select", "column_select")
 """Ports with a bit for each taxel, row or column, also for a single one."""
 
+EXPECT = """\
+  reg [31:0] word;
+  task static expect_register(input logic [14:0] address, input logic [31:0] value);
+    begin
+      transfer(1'b0, address, 32'h0);
+      if (word !== value) begin
+        $display("register 0x%h: expected 0x%h, found 0x%h", address, value, word);
+        fail("wrong register");
+      end
+    end
+  endtask
+"""
+"""Check of a register, behind the host's task ``transfer``, which leaves what it reads in ``word``."""
+
 
 class Play(NamedTuple):
     """The part of a testbench that depends on the kind of the design."""
@@ -129,6 +143,7 @@ def _events(config: Config) -> Play:
     bus = config if isinstance(config, BusConfig) else None
     readout = config.readout if isinstance(config, BusConfig) else config
     assert isinstance(readout, ReadoutConfig)
+    clock = "clk" if bus is None else "aclk"
     transfers = _transfers(readout)
     start = START + ACCESS_CLOCKS * len(transfers)
     samples = _walk(readout.full_scale, readout.step, TICKS, readout.taxels)
@@ -156,46 +171,35 @@ def _events(config: Config) -> Play:
     if bus is not None:
         shown = {f"{name} %0d": place for name, place in bus.fields().items()} | {"last %0d": (bus.data_bits, 1)}
         expected = _stream(bus, events)
-    parts = [] if readout.frontend == "digital" else [_comparators(readout, top_block(readout).signature.members)]
-    parts.append(links.named(readout.link).receiver(readout) if bus is None else axi_stream.SINK)
+    parts = [links.named(readout.link).receiver(readout) if bus is None else axi_stream.SINK]
+    signal_bits, signals, after = readout.sample_bits, samples, []
+    if readout.frontend == "analog":
+        parts.append(_comparators(readout, top_block(readout).signature.members, clock))
+        signal_bits, signals = signal_bits + SIGNAL_BITS_BEYOND, seen(readout, samples)
+    end = max([last, *(time for time, _ in expected[-1:])]) + REST
     if transfers:
-        parts.append("  reg [31:0] word;\n" + (spi.HOST if bus is None else axi_lite.HOST) + EXPECT)
-        quiet = max(last, expected[-1][0] + REST)
-        after = [f"while (clock < {quiet}) @(negedge {'clk' if bus is None else 'aclk'});"]
         (counter,) = (register.address for register in registers(readout) if register.name == "events")
-        after.append(f"expect_register(15'h{counter:x}, 32'd{len(expected)});")
-        last = quiet + ACCESS_CLOCKS
-    analog = readout.frontend == "analog"
-    signal_bits = readout.sample_bits + SIGNAL_BITS_BEYOND * analog
-    signals = seen(readout, samples) if analog else samples
+        parts += [EXPECT, spi.HOST if bus is None else axi_lite.HOST]
+        after = [
+            f"while (clock < {end}) @(negedge {clock});",
+            f"expect_register(15'h{counter:x}, 32'd{len(expected)});",
+        ]
+        end += ACCESS_CLOCKS + REST
     return Play(
         what="sample ticks",
         item="event" if bus is None else "transfer",
         strobe="sample_valid",
         period=readout.clocks_per_sample,
         start=start,
-        end=max(last, expected[-1][0]) + REST,
+        end=end,
         wide=readout.taxels * signal_bits,
         ticks=_words(signals, signal_bits),
         shown=shown or {"no bits %0d": (0, 1)},
         expected=expected,
         parts=parts,
         before=transfers,
-        after=after if transfers else [],
+        after=after,
     )
-
-
-EXPECT = """\
-  task expect_register(input [14:0] address, input [31:0] value);
-    begin
-      transfer(1'b0, address, 32'h0);
-      if (word !== value) begin
-        $display("register 0x%h: expected 0x%h, found 0x%h", address, value, word);
-        fail("wrong register");
-      end
-    end
-  endtask
-"""
 
 
 def _transfers(config: ReadoutConfig) -> list[str]:
@@ -238,7 +242,7 @@ def _stream(config: BusConfig, events: NDArray[np.void]) -> list[tuple[int, int]
     return found
 
 
-def _comparators(config: ReadoutConfig, names: Collection[str]) -> str:
+def _comparators(config: ReadoutConfig, names: Collection[str], clock: str) -> str:
     """Return comparators that decide in the middle of a clock in which they must, and answer wrongly in all others."""
     half_width = str(config.step)
     if "step_code" in names:
@@ -251,9 +255,9 @@ def _comparators(config: ReadoutConfig, names: Collection[str]) -> str:
   // The comparators decide in the middle of a clock with compare. In other clocks they are wrong.
   reg [{config.taxels * signal - 1}:0] held = 0;
   integer taxel, level, code, width;
-  always @(posedge clk) if (sample_valid) held <= sample;
+  always @(posedge {clock}) if (sample_valid) held <= sample;
   /* verilator lint_off WIDTHEXPAND */  // numbers are extended as Verilog defines it
-  always @(negedge clk)
+  always @(negedge {clock})
     for (taxel = 0; taxel < {config.taxels}; taxel = taxel + 1) begin
       level = $signed(held[taxel*{signal}+:{signal}]);
       code = $signed(reference_code[taxel*{word}+:{word}]);

@@ -46,7 +46,11 @@ CASES: dict[str, tuple[Config, tuple[str, str], str]] = {
         (r"\.s_axi_rvalid\(s_axi_rvalid\)", ".s_axi_rvalid()"),
         "time-out",
     ),
-    "axi, stream": (BusConfig(readout=SMALL), (r"m_axis_tlast <= ~goes_on", "m_axis_tlast <= goes_on"), "last 1"),
+    "axi, analog": (
+        BusConfig(readout=SMALL.replace(frontend="analog")),
+        (r"m_axis_tlast <= ~goes_on", "m_axis_tlast <= goes_on"),
+        "last 1",
+    ),
 }
 """Configuration, text of the fault, and what the testbench prints about the fault."""
 
