@@ -14,23 +14,25 @@ from eskin.base.errors import InputError
 from eskin.model.cases import cases
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
-from eskin.model.taxel import encode_timed
 from eskin.skin.recordings.event_files import bin_of_spectrum
 from eskin.skin.recordings.fitting import Fit, with_seconds
 from eskin.skin.recordings.folder import negative_part_lost
 from eskin.skin.recordings.options import PER_TAXEL, Baseline, Preparation
+from eskin.skin.recordings.prepare import at_gain
 from eskin.skin.recordings.quality import MAX_CLOCKS
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.folds import check_classes, matching, possible_folds, stratified_folds
+from eskin.snn.data.gains import GAINS, binned
 from eskin.snn.data.scans import ScanData, filled
-from eskin.snn.experiments.inner import judged
-from eskin.snn.experiments.recipes import RECIPES, epochs_for, for_recordings
+from eskin.snn.experiments.inner import FEW, judged, pooled, repeats
+from eskin.snn.experiments.recipes import RECIPES, batch_for, epochs_for, for_recordings
 
 MAX_JUDGED = 350
 """Training recordings on which settings are compared at most, evenly spread over the classes."""
 
 PARTS = 5
-"""Parts of the training recordings; one part, another in every round, is the inner validation."""
+"""Parts of the training recordings; one part, another in every round, is the inner validation, or ``REPEATS`` parts in
+turn (``repeats``)."""
 
 BASELINES: tuple[Baseline, ...] = ("fixed", "median")
 """Baselines that are compared with the default, the first value."""
@@ -41,8 +43,11 @@ FIRST_ENCODING, BITS = "nlcs-bipolar", (4, 6)
 UPDATES, HIDDEN = (120, 120, 240, 480), 64
 """Updates of the short trainings in each round, and neurons of their networks."""
 
+LONG = 1920
+"""Updates of the trainings that compare gains where there are few recordings; fewer do not show the difference."""
+
 SIZE = {"rows", "columns", "sample_bits", "sample_rate_hz", "clocks_per_sample"}
-FREE = {"resolution", "scale", "baseline", "link", "frontend", "reset", "receptive_fields", *SIZE}
+FREE = {"resolution", "scale", "baseline", "gains", "link", "frontend", "reset", "receptive_fields", *SIZE}
 """Fields that a user can set during the choice of an encoder; the other fields follow from the encoder."""
 
 
@@ -83,13 +88,22 @@ class EncoderChoice(Fit):
             check_classes(labels, tested, kinds.tolist())
         return np.setdiff1d(np.arange(len(names)), tested)
 
-    def variants(self, options: Preparation, given: Collection[str]) -> tuple[Preparation, ...]:
-        """Return the preparations to compare: every baseline, and a common scale or one for each taxel."""
+    def variants(self, options: Preparation, given: Collection[str], number: int) -> tuple[Preparation, ...]:
+        """Return the preparations to compare: every baseline, and a common scale or one for each taxel.
+
+        With groups, or few recordings, each preparation is compared without and with ``GAINS``.
+        """
         baselines = [options.baseline, *BASELINES] if "baseline" not in given else [options.baseline]
         scales = [options.scale]
         if options.scale == "max" and "scale" not in given and not {"encoding", "resolution"} <= set(given):
             scales.append(PER_TAXEL)
-        found = [dataclasses.replace(options, baseline=one, scale=scale) for scale in scales for one in baselines]
+        few = bool(options.group_name or options.group_column) or number <= FEW
+        found = [
+            dataclasses.replace(options, baseline=one, scale=scale, gains=gains)
+            for gains in ([(), GAINS] if few and "gains" not in given else [options.gains])
+            for scale in scales
+            for one in baselines
+        ]
         return tuple(dict.fromkeys(found))
 
     def choose(
@@ -99,63 +113,91 @@ class EncoderChoice(Fit):
         classes: Sequence[str],
         groups: Sequence[str],
         recordings: Mapping[Preparation, Sequence[NDArray[np.int32]]],
+        levels: Mapping[Preparation, NDArray[np.float64]],
         progress: Callable[[], object],
     ) -> tuple[ReadoutConfig, Preparation, str, list[dict[str, Any]]]:
         """Return the configuration and preparation with which short trainings classify best, with all scores.
 
-        The first round compares baselines and scales, the others compare encoders and resolutions. After a round, the
+        The first round compares baselines, scales and gains, the others encoders and resolutions. After a round, the
         better half remains; of the last two, the one with fewer bit/s wins if it is at most one standard error below
         the other. With fewer than two recordings of a class, ``Fit`` chooses.
+
+        With groups or few recordings, the log loss decides, and the best preparations of two baselines remain after the
+        first round. Few recordings without groups compare gains at the end, by longer trainings.
         """
         some = slice(None, None, -(-len(classes) // MAX_JUDGED))
         labels = np.unique(classes[some], return_inverse=True)[1].astype(np.int64)
         if np.bincount(labels).min() < 2 or len(set(labels.tolist())) < 2:
             judged_of = {options: codes[some] for options, codes in recordings.items()}
-            return super().choose(config, given, classes, groups, judged_of, progress)
-        bin_s = min(BinConfig().bin_s, bin_of_spectrum(next(iter(recordings.values()))[some], config.sample_rate_hz))
+            return super().choose(config, given, classes, groups, judged_of, levels, progress)
+        signals = next(iter(recordings.values()))[some]
+        bin_s = min(BinConfig().bin_s, 2 * bin_of_spectrum(signals, config.sample_rate_hz))
         parts, scores = _parts(labels, list(groups)[some]), list[dict[str, Any]]()
+        grouped = len(set(groups)) < len(groups)
+        turns = min(repeats(len(labels), grouped), len(parts))
 
-        def ranked(candidates: Sequence[tuple[Preparation, ReadoutConfig]], number: int) -> list[Judged]:
-            """Return the scores of a round, the best first."""
-            found, part, updates = [], parts[number % len(parts)], UPDATES[number]
+        def judging(number: int) -> list[NDArray[np.int64]]:
+            return [parts[(number + turn) % len(parts)] for turn in range(turns)]
+
+        def ranked(
+            candidates: Sequence[tuple[Preparation, ReadoutConfig]], number: int, updates: int = 0
+        ) -> list[Judged]:
+            """Return the scores of a round, the best first; ``updates`` are of trainings with half windows."""
+            found, judges, halves = [], judging(number), updates > 0
+            updates = updates or UPDATES[number]
             for place, (options, tried) in enumerate(candidates):
-                scans, bps = _scans(tried, recordings[options][some], labels, bin_s)
-                right, loss = _short_training(scans, part, updates)
-                found.append(Judged(len(part) - right, loss, place, bps, options, tried))
+                scans, bps = _scans(tried, recordings[options][some], labels, bin_s, options.gains, levels[options])
+                right, loss, of = pooled([_short_training(scans, part, updates, halves) for part in judges], judges)
+                found.append(Judged(of - right, loss, place, bps, options, tried))
                 said: dict[str, Any] = {
                     "encoding": tried.encoding,
                     "resolution": tried.resolution,
                     "baseline": options.baseline,
                 }
                 said |= {"scale": options.scale, "bits_per_s": bps, "updates": updates}
-                scores.append(said | {"right": right, "of": len(part), "log_loss": loss})
+                said |= {"gains": list(options.gains)} if options.gains else {}
+                scores.append(said | {"right": right, "of": of, "log_loss": loss})
                 progress()
-            return sorted(found)
+            return sorted(found, key=lambda one: one.log_loss) if turns > 1 else sorted(found)
 
-        options = next(iter(recordings))
-        if len(recordings) > 1:
+        tried_first = [one for one in recordings if grouped or one.gains == next(iter(recordings)).gains]
+        kept = tried_first[:1]
+        if len(tried_first) > 1:
             encoding = FIRST_ENCODING if set(given) <= FREE else config.encoding
             first = with_seconds(config.replace(encoding=encoding, clocks_per_sample=MAX_CLOCKS), given, self.tau_s)
             first = first if "resolution" in given else first.replace(resolution=BITS[0])
-            options = ranked([(one, first) for one in recordings], 0)[0].options
-        left = [(options, tried) for tried in _candidates(config, given, self.tau_s)]
+            best = [one.options for one in ranked([(one, first) for one in tried_first], 0)]
+            of_baselines = {one.baseline: one for one in reversed(best)}
+            kept = [one for one in best if one == of_baselines[one.baseline]][: 2 if turns > 1 else 1]
+        left = [(one, tried) for one in kept for tried in _candidates(config, given, self.tau_s)]
         if "encoding" not in given:
-            left = [one for one in left if not negative_part_lost(one[1], recordings[options])]
+            left = [one for one in left if not negative_part_lost(one[1], recordings[one[0]])]
         for number in range(1, len(UPDATES) - 1):
             if len(left) > 2:
                 left = [(one.options, one.config) for one in ranked(left, number)][: -(-len(left) // 2)]
         last = ranked(left, len(UPDATES) - 1)
-        part = len(parts[(len(UPDATES) - 1) % len(parts)])
-        error = math.sqrt(last[0].wrong * (1 - last[0].wrong / part))
-        found = min((one for one in last if one.wrong <= last[0].wrong + error), key=lambda one: one.bits_per_s)
+        of = sum(map(len, judging(len(UPDATES) - 1)))
+        error = math.sqrt(last[0].wrong * (1 - last[0].wrong / of))
+        alike = [one for one in last if one.wrong <= last[0].wrong + error] if turns == 1 else last[:1]
+        found = min(alike, key=lambda one: one.bits_per_s)
+        others = [one for one in recordings if one not in tried_first and _alike(one, found.options)]
+        if others:
+            found = ranked([(one, found.config) for one in (found.options, *others)], len(UPDATES), LONG)[0]
+        options = found.options
         scale = "a scale per taxel" if options.scale == PER_TAXEL else "a common scale"
+        with_gains = f"gains {', '.join(map('{:g}'.format, options.gains))}, " if options.gains else ""
         note = (
             f"encoder {found.config.encoding} with {found.config.resolution} b, baseline {options.baseline}, {scale}, "
-            f"{found.bits_per_s:.3g} bit/s: the last of {len(scores)} short trainings found the class of "
-            f"{part - found.wrong} of {part} other recordings; --encoding, --resolution, --baseline and --scale choose "
+            f"{with_gains}{found.bits_per_s:.3g} bit/s: the last of {len(scores)} short trainings found the class of "
+            f"{of - found.wrong} of {of} other recordings; --encoding, --resolution, --baseline and --scale choose "
             f"others"
         )
         return found.config.replace(clocks_per_sample=config.clocks_per_sample), options, note, scores
+
+
+def _alike(first: Preparation, second: Preparation) -> bool:
+    """Return True if two preparations differ in gains alone, or not at all."""
+    return dataclasses.replace(first, gains=()) == dataclasses.replace(second, gains=())
 
 
 def _parts(labels: NDArray[np.int64], groups: Sequence[str]) -> list[NDArray[np.int64]]:
@@ -175,22 +217,26 @@ def _candidates(config: ReadoutConfig, given: Collection[str], tau_s: float | No
 
 
 def _scans(
-    config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]], labels: NDArray[np.int64], bin_s: float
+    config: ReadoutConfig,
+    recordings: Sequence[NDArray[np.int32]],
+    labels: NDArray[np.int64],
+    bin_s: float,
+    gains: Sequence[float] = (),
+    levels: NDArray[np.float64] | None = None,
 ) -> tuple[ScanData, float]:
-    """Return the event counts of recordings in time bins, and their bit/s."""
+    """Return the event counts of recordings in time bins, then those at other gains, and the bit/s of the former."""
     ticks = max(round(bin_s * config.sample_rate_hz), 1)
-    scans, events = [], 0
-    for codes in recordings:
-        counts, _ = encode_timed(config, codes)
-        channels = np.hstack([np.maximum(counts, 0), np.maximum(-counts, 0)]) if config.has_polarity else counts
-        scans.append(np.add.reduceat(channels, np.arange(0, len(counts), ticks), axis=0, dtype=np.int16))
-        events += int(np.abs(counts).sum())
-    numbers = np.arange(len(scans))
+    bins, bits = BinConfig(bin_s=ticks / config.sample_rate_hz), config.sample_bits
+    levels = np.zeros(config.taxels) if levels is None else levels
+    scans = [binned(config, codes, bins) for codes in recordings]
+    events = sum(int(scan.sum()) for scan in scans)
+    scans += [binned(config, at_gain(codes, gain, levels, bits), bins) for gain in gains for codes in recordings]
+    numbers = np.arange(len(recordings))
     events_hz = events * config.sample_rate_hz / sum(map(len, recordings))
     data = ScanData(
         values=filled(scans),
-        labels=labels,
-        images=numbers,
+        labels=np.tile(labels, 1 + len(gains)),
+        images=np.tile(numbers, 1 + len(gains)),
         names=tuple(map(str, numbers)),
         class_names=tuple(map(str, range(int(labels.max()) + 1))),
         taxels=config.taxels,
@@ -201,16 +247,23 @@ def _scans(
     return data, events_hz * config.event_bits
 
 
-def _short_training(data: ScanData, part: NDArray[np.int64], updates: int) -> tuple[int, float]:
-    """Return the number of correct recordings of a part, and their log loss, after a training on the others."""
+def _short_training(data: ScanData, part: NDArray[np.int64], updates: int, halves: bool = False) -> tuple[int, float]:
+    """Return the number of correct recordings of a part, and their log loss, after a training on the others.
+
+    With ``halves``, the network learns its decays on windows of half a recording.
+    """
     from eskin.snn.network_config import NetworkConfig
     from eskin.snn.training import TrainConfig, parted
 
-    learned = np.setdiff1d(np.arange(len(data)), part)
-    seconds = np.array([data.steps_of(scan) * data.step_s for scan in range(len(data))])
+    learned = np.setdiff1d(np.arange(len(data.names)), part)
+    seconds = np.array([data.steps_of(scan) * data.step_s for scan in range(len(data.names))])
     follows = for_recordings("skin", seconds, data.step_s)
+    if halves:
+        half = max(int(seconds.min() / data.step_s) // 2, 1)
+        follows |= {"learn_decay": True, "window_steps": half, "windows": 2}
+        follows["batch"] = batch_for(2 * len(data))
     network, training = parted(RECIPES["skin"] | follows | {"hidden": HIDDEN})
     made = TrainConfig.from_dict(training)
-    made = dataclasses.replace(made, epochs=epochs_for(len(learned), made.windows, made.batch, updates))
+    made = dataclasses.replace(made, epochs=epochs_for(len(data.scans_of(learned)), made.windows, made.batch, updates))
     shape = {"inputs": data.channels, "classes": len(data.class_names)}
     return judged(data, learned, part, NetworkConfig.from_dict(network | shape), made, 0)

@@ -72,7 +72,8 @@ class SpikingNetwork(nn.Module):
             ("raw_output_decay", config.classes, config.output_decay),
         ):
             if config.learn_decay:
-                setattr(self, name, nn.Parameter(torch.full((size,), math.log(value / (1 - value)))))
+                fastest = 1.0 if name == "raw_decay" else math.inf
+                setattr(self, name, nn.Parameter(_first_decays(size, value, fastest)))
             else:
                 self.register_buffer(name, torch.full((size,), value), persistent=False)
         if config.layers:
@@ -160,6 +161,17 @@ class SpikingNetwork(nn.Module):
         if len(summed) == 1:
             return functional.linear(summed[0], w_out) + self.b_out * reach.sum(0)
         return torch.einsum("obh,oh->bo", summed, w_out) + self.b_out * reach.sum(0)
+
+
+def _first_decays(size: int, decay: float, fastest: float) -> Tensor:
+    """Return the first decays of neurons that learn them, before the logistic function, shape (size,).
+
+    The time constants are evenly spread, on a logarithmic scale, from that of the given decay down to ``fastest`` steps
+    (N. Perez-Nieves et al., Nature Communications 12:5791, 2021).
+    """
+    slowest = -1 / math.log(decay)
+    taus = torch.logspace(math.log10(slowest), math.log10(min(slowest, fastest)), size, dtype=torch.float64)
+    return torch.logit(torch.exp(-1 / taus)).float()
 
 
 def connections(config: NetworkConfig) -> tuple[Tensor, Tensor, Tensor]:

@@ -50,7 +50,8 @@ class NetworkConfig(NetworkFields):
     output_synapse_decay: float = 0.0
     """Part of the synaptic current left after one step (NIR: CubaLIF); 0 for inputs that reach the membrane at once."""
     learn_decay: bool = False
-    """Every neuron learns its decays, starting from the given values (below 1)."""
+    """Every neuron learns its decays (below 1). Time constants of hidden neurons start spread from one step to that of
+    ``decay``."""
     layers: tuple[int, ...] = ()
     """Sizes of the layers of a stack, whose sum is ``hidden``; none for one recurrent layer. The first layer reads the
     channels, each other one the layer before, and the outputs read the last; a layer may also read itself."""

@@ -50,9 +50,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def shorter(monkeypatch: pytest.MonkeyPatch) -> None:
     """Shorten the trainings that choose settings for recordings, and the training without ``--epochs``."""
     from eskin.snn import encoder_choice
-    from eskin.snn.experiments import recipes
+    from eskin.snn.experiments import inner, recipes
 
     monkeypatch.setattr(encoder_choice, "UPDATES", (30, 10, 10, 30))
+    for module in (encoder_choice, inner):
+        monkeypatch.setattr(module, "FEW", 0)
     monkeypatch.setattr(recipes, "UPDATES", 300)
 
 

@@ -82,8 +82,8 @@ class Fit:
         """Return the numbers of the recordings from which to choose, by the names, classes and groups of all."""
         return np.arange(len(names))
 
-    def variants(self, options: Preparation, given: Collection[str]) -> tuple[Preparation, ...]:
-        """Return the preparations to compare, first that of the user."""
+    def variants(self, options: Preparation, given: Collection[str], number: int) -> tuple[Preparation, ...]:
+        """Return the preparations to compare on a number of recordings, first that of the user."""
         return (options,)
 
     def choose(
@@ -93,6 +93,7 @@ class Fit:
         classes: Sequence[str],
         groups: Sequence[str],
         recordings: Mapping[Preparation, Sequence[NDArray[np.int32]]],
+        levels: Mapping[Preparation, NDArray[np.float64]],
         progress: Callable[[], object],
     ) -> tuple[ReadoutConfig, Preparation, str, list[dict[str, Any]]]:
         """Return a configuration in which the given fields are unchanged, the preparation, a note, and scores.
@@ -104,6 +105,7 @@ class Fit:
         - ``given``: fields that the user set.
         - ``classes``, ``groups``: class and group of each recording.
         - ``recordings``: codes of the ``learned`` recordings by preparation, each of shape (ticks, taxels).
+        - ``levels``: fixed offset of each taxel in codes by preparation.
         - ``progress``: called after each setting that is tried.
         """
         options, codes_of_all = next(iter(recordings.items()))

@@ -161,7 +161,7 @@ def read_set(
     files = sorted({pieces.files[number] for number in learned})
     tried = {
         one: prepare(tables, one, config.sample_bits, rate_hz, files)
-        for one in (fit.variants(options, given) if fit else (options,))
+        for one in (fit.variants(options, given, len(learned)) if fit else (options,))
     }
     prepared, scores = tried[options], list[dict[str, Any]]()
     config = _with_array(config, tables[0], given)
@@ -169,7 +169,8 @@ def read_set(
     if fit and (len(tried) > 1 or not {"encoding", "resolution"} <= set(given)):
         codes = {one: [every[n] for n in learned] for one, made in tried.items() for every in [pieces.cut(made)]}
         kinds, of = ([every[n] for n in learned] for every in (classes, groups))
-        config, chosen, note, scores = fit.choose(config, given, kinds, of, codes, progress or (lambda: None))
+        levels = {one: made.levels(config.sample_bits) for one, made in tried.items()}
+        config, chosen, note, scores = fit.choose(config, given, kinds, of, codes, levels, progress or (lambda: None))
         prepared = tried[chosen]
         notes += (note,) if note else ()
     codes_of_all = pieces.cut(prepared)

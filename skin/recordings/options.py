@@ -54,13 +54,15 @@ class Preparation(Configuration):
     strict: bool = parameter(False, "", GUIDE, "refuse broken links, FIFOs and folders among the recordings")
     offsets: tuple[float, ...] = ()
     """The constants of the baseline ``fixed``; empty: ``prepare`` learns them from the recordings."""
+    gains: tuple[float, ...] = ()
+    """A training also uses each recording at these gains, as a lighter or firmer touch gives it (``at_gain``)."""
     names: tuple[str, ...] = ()
     """Names of the taxels' columns in the order of the array; files that have names are brought into this order."""
     scale: str = parameter("max", "", GUIDE, "factor to full scale, max, per-taxel, or a percentile such as p99.9")
     """One factor, or one for each taxel as ``0.5,2``. A percentile is that of the magnitudes of all recordings."""
 
     def __post_init__(self) -> None:
-        self._check_types(but=("names", "offsets"))
+        self._check_types(but=("names", "offsets", "gains"))
         for name in ("skip_lines", "frame_lines"):
             self._check_range(name, 0, MAX_LINES)
         if len(self.delimiter) > 1 and self.delimiter not in ("tab", "space"):
@@ -86,6 +88,9 @@ class Preparation(Configuration):
         if not all(isinstance(offset, int | float) and math.isfinite(offset) for offset in self.offsets):
             raise InputError(f"the offsets of the taxels must be finite numbers, not {self.offsets!r}")
         object.__setattr__(self, "offsets", tuple(map(float, self.offsets)))
+        if not all(isinstance(gain, int | float) and 0 < gain < math.inf for gain in self.gains):
+            raise InputError(f"--gains needs positive numbers such as 0.7,1.4, not {self.gains!r}")
+        object.__setattr__(self, "gains", tuple(map(float, self.gains)))
 
     def _label(self, name: str) -> str:
         return option_of(type(self).__dataclass_fields__[name])

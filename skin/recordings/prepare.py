@@ -33,6 +33,10 @@ class Prepared:
     warnings: tuple[str, ...]  # each with the option that fixes the problem
     notes: tuple[str, ...]  # changes of the samples
 
+    def levels(self, sample_bits: int) -> NDArray[np.float64]:
+        """Return the fixed offset of each taxel in codes, shape (taxels,); zeros for another baseline."""
+        return levels_of(self.options, self.scale, sample_bits, self.codes[0].shape[1])
+
 
 def prepare(
     tables: Sequence[Table],
@@ -44,7 +48,7 @@ def prepare(
     """Return recordings as codes, with one sampling rate and one scale.
 
     - ``rate_hz``: by default the rate of the time stamps, median of all recordings.
-    - ``learned``: numbers of the recordings that determine scale and fixed offsets; all by default.
+    - ``learned``: numbers of the recordings that determine scale and fixed offsets, also at the gains; all by default.
 
     Raise InputError if no rate is known, or the recordings have different numbers of taxels, or another number than the
     factors.
@@ -61,13 +65,15 @@ def prepare(
         resampled += moved
         signals.append(signal)
     numbers = range(len(signals)) if learned is None else learned
+    used = [signals[number] * gain for gain in (1.0, *options.gains) for number in numbers]
     if options.baseline == "fixed" and not options.offsets:
-        options = dataclasses.replace(options, offsets=fixed_offsets([signals[number] for number in numbers]))
+        options = dataclasses.replace(options, offsets=fixed_offsets(used))
+    used = [without_baseline(signal, rate_hz, options) for signal in used]
     signals = [without_baseline(signal, rate_hz, options) for signal in signals]
     notes = _filled(tables)
     if resampled:
         notes.append(f"{resampled} of {len(tables)} recordings have uneven time stamps and were resampled linearly")
-    scale = scale_of([signals[number] for number in numbers], options, sample_bits)
+    scale = scale_of(used, options, sample_bits)
     if isinstance(scale, tuple) and len(scale) != len(tables[0].names):
         raise InputError(
             f"{tables[0].path} has {len(tables[0].names)} taxels, but the scale has {len(scale)} factors; choose the "
@@ -148,6 +154,21 @@ def _filled(tables: Sequence[Table]) -> list[str]:
 def fixed_offsets(signals: Sequence[Values]) -> tuple[float, ...]:
     """Return the offset of each taxel that keeps its level: nearly the lowest value of all recordings."""
     return tuple(np.percentile(np.concatenate(signals), LOW_PERCENTILE, axis=0).tolist())
+
+
+def levels_of(options: Preparation, scale: Scale, sample_bits: int, taxels: int) -> NDArray[np.float64]:
+    """Return the fixed offset of each taxel in codes, shape (taxels,); zeros for another baseline."""
+    offsets = options.offsets if options.baseline == "fixed" else (0.0,) * taxels
+    return np.asarray(offsets) * np.asarray(scale) * 2 ** (sample_bits - 1)
+
+
+def at_gain(codes: NDArray[np.int32], gain: float, levels: NDArray[np.float64], sample_bits: int) -> NDArray[np.int32]:
+    """Return a recording as codes as if the signals, before the baseline was removed, were larger by a gain.
+
+    ``levels``: fixed offset of each taxel in codes, which stays as it is. The other baselines are linear.
+    """
+    full_scale = 2 ** (sample_bits - 1)
+    return np.clip(np.rint(codes * gain + levels * (gain - 1)), -full_scale, full_scale - 1).astype(np.int32)
 
 
 def without_baseline(signal: Values, rate_hz: float, options: Preparation) -> Values:

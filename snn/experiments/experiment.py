@@ -21,6 +21,7 @@ from eskin.snn.data.cache import kept, key_of
 from eskin.snn.data.disturb import disturbed_dataset
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.frames import frame_dataset, frames_of_recordings
+from eskin.snn.data.gains import with_gains
 from eskin.snn.data.record import Tick, Variant, record_dataset
 from eskin.snn.data.recordings import event_files, read_recordings
 from eskin.snn.data.scans import ScanData, load_recordings
@@ -131,7 +132,7 @@ class Experiment:
             made = frames_of_recordings(Path(self.events), self.frames)
             return dataclasses.replace(made, source=f"frames {self.frames.name} of the recordings in {self.events}")
         if self.events is not None:
-            recordings = load_recordings(Path(self.events), self.bins)
+            recordings = with_gains(load_recordings(Path(self.events), self.bins), Path(self.events), self.bins)
             return dataclasses.replace(recordings, source=f"recordings in {self.events}")
         scan, config = self.scan_and_config()
         textures = open_dataset(self.dataset)

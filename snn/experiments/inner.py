@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.snn.data.folds import INNER_FOLDS, inner_part, possible_folds
+from eskin.snn.data.folds import INNER_FOLDS, possible_folds, stratified_folds
 from eskin.snn.data.scans import ScanData, Split
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.network_config import NetworkConfig
@@ -15,6 +15,12 @@ from eskin.snn.training import TrainConfig
 
 SHARES = (8, 4)
 """Parts of the epochs in each round; after a round, the better half of the candidates remains, until one is left."""
+
+LEAST_FOLDS = 4
+"""Least parts into which the training recordings are divided; one is set apart."""
+
+FEW, REPEATS = 100, 3
+"""With groups, or up to ``FEW`` training recordings, one part is too small a sample: so many parts judge in turn."""
 
 
 def choose(
@@ -27,7 +33,8 @@ def choose(
     """Return the candidate that classifies the inner validation part best, and the scores of all short trainings.
 
     The number of correct recordings decides, then fixed decays, which need no memory in the hardware, then the log
-    loss. The first candidate wins where a class has one recording or group.
+    loss; with groups or few recordings, the log loss alone. The first candidate wins where a class has fewer than
+    ``LEAST_FOLDS`` recordings or groups.
 
     - ``data``: returns the scans of a candidate.
     - ``images``: training recordings.
@@ -36,29 +43,49 @@ def choose(
     first = data(candidates[0])
     labels, groups = first.image_labels, first.groups
     of_images = [groups[image] for image in images] if groups else ()
-    if len(candidates) == 1 or possible_folds(labels[images], INNER_FOLDS, of_images) < INNER_FOLDS:
+    folds = possible_folds(labels[images], INNER_FOLDS, of_images)
+    if len(candidates) == 1 or folds < LEAST_FOLDS:
         return candidates[0], []
+    all_parts = [images[part] for part in stratified_folds(labels[images], folds, 1, groups=of_images)]
     left, scores = list(range(len(candidates))), []
     for number, share in enumerate(SHARES):
         if len(left) == 1:
             break
-        part = inner_part(labels, images, seed + number, groups)
-        learned, ranked = np.setdiff1d(images, part), []
+        turns = repeats(len(images), bool(groups))
+        parts, ranked = [all_parts[(seed + number + turn) % folds] for turn in range(turns)], []
         for candidate in left:
             made = candidates[candidate]
             scans = data(made)
             short = dataclasses.replace(made.train, epochs=max(made.train.epochs // share, 1))
-            right, loss = judged(scans, learned, part, made.network_config(scans), short, seed)
+            network = made.network_config(scans)
+            found = [judged(scans, np.setdiff1d(images, part), part, network, short, seed) for part in parts]
+            right, loss, of = pooled(found, parts)
             score = {"bin_s": made.bins.bin_s, "learn_decay": bool(made.network.get("learn_decay", False))}
-            scores.append(score | {"epochs": short.epochs, "right": right, "of": len(part), "log_loss": loss})
-            decays = "learned" if score["learn_decay"] else "fixed"
-            told(
-                f"inner validation: time bin {1e3 * made.bins.bin_s:.4g} ms, {decays} decays, {short.epochs} epochs: "
-                f"{right} of {len(part)}, log loss {loss:.3f}"
-            )
-            ranked.append((-right, score["learn_decay"], loss, candidate))
-        left = [candidate for *_, candidate in sorted(ranked)[: -(-len(left) // 2)]]
+            score |= {"window_steps": made.train.window_steps} if made.train.window_steps else {}
+            scores.append(score | {"epochs": short.epochs, "right": right, "of": of, "log_loss": loss})
+            told(f"inner validation: {described(made)}, {short.epochs} epochs: {right} of {of}, log loss {loss:.3f}")
+            ranked.append(((-right, score["learn_decay"], loss) if turns == 1 else (loss,), candidate))
+        left = [candidate for _, candidate in sorted(ranked)[: -(-len(left) // 2)]]
     return candidates[left[0]], scores
+
+
+def described(made: Experiment) -> str:
+    """Return the settings of an experiment that inner validation chooses, as text."""
+    decays = "learned" if made.network.get("learn_decay") else "fixed"
+    windows = f", windows of {made.train.window_steps * made.bins.bin_s:.3g} s" if made.train.window_steps else ""
+    return f"time bin {1e3 * made.bins.bin_s:.4g} ms, {decays} decays{windows}"
+
+
+def repeats(recordings: int, grouped: bool) -> int:
+    """Return how many parts of the training recordings judge in a round."""
+    return REPEATS if grouped or recordings <= FEW else 1
+
+
+def pooled(found: Sequence[tuple[int, float]], parts: Sequence[NDArray[np.int64]]) -> tuple[int, float, int]:
+    """Return the number of correct recordings of all parts, the mean log loss, and the number of recordings."""
+    sizes = [len(part) for part in parts]
+    right, losses = zip(*found, strict=True)
+    return sum(right), float(np.average(losses, weights=sizes)), sum(sizes)
 
 
 def judged(

@@ -94,8 +94,6 @@ def for_recordings(recipe: str, seconds: NDArray[np.float64], bin_s: float) -> d
     - ``seconds``: shape (recordings,).
     - ``bin_s``: seconds of a time step.
     """
-    from eskin.snn.training import TrainConfig  # imports torch, which the help of a command needs not
-
     steps = np.maximum(seconds / bin_s + 1e-9, 1).astype(int)
     found: dict[str, Any] = {"balanced": True}
     window, windows = int(steps.max()), 1
@@ -103,11 +101,18 @@ def for_recordings(recipe: str, seconds: NDArray[np.float64], bin_s: float) -> d
         window = max(min(round(WINDOW_S / bin_s), int(np.percentile(steps, 10))), 1)
         windows = min(max(round(float(steps.mean()) / window), 1), MAX_WINDOWS)
         found |= {"window_steps": window, "windows": windows}
-    found["batch"] = min(max(len(steps) * windows // _BATCHES, 4), TrainConfig().batch)
+    found["batch"] = batch_for(len(steps) * windows)
     if recipe == "skin":
         for name, part in (("decay", _LEAK), ("output_decay", _OUTPUT_LEAK)):
             found[name] = 1 - 2.0 ** -min(max(round(math.log2(max(window * part, 1))), 1), 10)
     return found
+
+
+def batch_for(windows: int) -> int:
+    """Return the batch of a training on recordings, for all windows of an epoch."""
+    from eskin.snn.training import TrainConfig  # imports torch, which the help of a command needs not
+
+    return min(max(windows // _BATCHES, 4), TrainConfig().batch)
 
 
 def epochs_for(recordings: int, windows: int, batch: int, updates: int) -> int:

@@ -1,6 +1,7 @@
 """Test spikes and gradients of the neuron layer against a plain loop, and the networks."""
 
 import itertools
+import math
 import shutil
 from typing import Any
 
@@ -113,12 +114,19 @@ def test_a_kernel_that_cannot_take_a_sequence_refuses_it(monkeypatch: pytest.Mon
         layer(NeuronRule(), **values, backend="kernel")
 
 
-def test_a_decay_that_is_learned_begins_where_the_configuration_says() -> None:
-    for learned in (False, True):
-        config = NetworkConfig(inputs=4, classes=3, decay=0.9, output_decay=0.8, learn_decay=learned)
-        network = SpikingNetwork(config)
-        for decays, value in zip(network.decays(), (config.decay, config.output_decay), strict=True):
-            torch.testing.assert_close(decays, torch.full_like(decays, value))
+def test_decays_begin_where_the_configuration_says() -> None:
+    fixed = {"inputs": 4, "classes": 3, "hidden": 9, "decay": 0.9, "output_decay": 0.8}
+    hidden, outputs = SpikingNetwork(NetworkConfig(**fixed)).decays()
+    torch.testing.assert_close(hidden, torch.full((9,), 0.9))
+    learned, of_outputs = SpikingNetwork(NetworkConfig(**fixed, learn_decay=True)).decays()
+    for decays in (outputs, of_outputs):
+        torch.testing.assert_close(decays, torch.full((3,), 0.8))
+    taus = -1 / learned.log()
+    torch.testing.assert_close(taus[[0, -1]], torch.tensor([-1 / math.log(0.9), 1.0]))
+    ratios = taus[1:] / taus[:-1]
+    torch.testing.assert_close(ratios, ratios[:1].expand(8), rtol=1e-4, atol=0)
+    quick = SpikingNetwork(NetworkConfig(**fixed | {"decay": 0.2}, learn_decay=True)).decays()[0]
+    torch.testing.assert_close(quick, torch.full((9,), 0.2), msg="already faster than one step")
 
 
 @pytest.mark.quick

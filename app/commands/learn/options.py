@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import itertools
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -31,8 +32,13 @@ from eskin.snn.data.frame_steps import FRAMES, FrameSteps
 from eskin.snn.experiments.recipes import RECIPES
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from eskin.skin.recordings.fitting import Fit
+    from eskin.snn.data.scans import ScanData
     from eskin.snn.experiments.experiment import Experiment
+    from eskin.snn.training import TrainConfig
 
 Preset = Annotated[str | None, opt(..., "paper|physical", "constants of the texture scan [physical]")]
 Tau = Annotated[float | None, opt(..., "SECONDS", f"{', '.join(LEAKY)}: time constant [0.2]", show_default=False)]
@@ -44,8 +50,9 @@ Workers = Annotated[int | None, opt(..., "number of worker processes [one per us
 DEFAULT_RESOLUTION, EPOCHS = 4, 60
 
 WITHOUT_EFFECT = {
-    "frames": "encoding resolution tau start receptive_fields",
-    "events": "preset encoding resolution tau receptive_fields config_file dataset start_rows disturbed taxels data",
+    "frames": "encoding resolution tau start receptive_fields gains",
+    "events": "preset encoding resolution tau receptive_fields config_file dataset start_rows disturbed taxels data "
+    "gains",
     "data": "preset dataset start_rows disturbed taxels",
 }
 """Parameters without effect beside another parameter: frames have no encoder, and recordings are no scans."""
@@ -85,6 +92,9 @@ def _options(
     ),
     start_rows: int | None = opt(None, "scans per image (physical) [1]", min=1),
     disturbed: int | None = opt(None, "additional training scans per image, randomly disturbed (physical)", min=1),
+    gains: str | None = opt(
+        None, "GAIN,...", "also train on each recording at these gains [none; with groups: chosen by inner validation]"
+    ),
     settings: list[str] | None = opt(None, "--set", "NAME=VALUE", "field of NetworkConfig or TrainConfig, repeatable"),
     grid: list[str] | None = opt(
         None, "--grid", "NAME=VALUE,...", "values to try, chosen by inner validation; repeatable"
@@ -130,14 +140,16 @@ class Maker:
             raise InputError(f"{idle[0]} has no effect on a network of kind {kind}; leave it out")
         return made
 
-    def variations(self, made: Experiment, names: Sequence[str]) -> list[Experiment]:
+    def variations(self, made: Experiment, data: ScanData, images: NDArray[np.int64]) -> list[Experiment]:
         """Return the experiments among which inner validation chooses, the default first.
 
-        Where the user sets neither, they differ in time bins and learned decays. The training recordings ``names`` set
-        time bins and, without ``--epochs``, the epochs. Other experiments than those of ``--data`` do not vary.
+        Where the user sets neither, they differ in time bins and learned decays. With few recordings, all learn decays,
+        and they differ in time bins and windows. The training recordings ``images`` set time bins, batch and, without
+        ``--epochs``, the epochs. Other experiments than those of ``--data`` do not vary.
         """
         from eskin.skin.recordings.event_files import bin_of_spectrum, seconds_of, signals_of
-        from eskin.snn.experiments.recipes import UPDATES, epochs_for, for_recordings
+        from eskin.snn.experiments.inner import FEW
+        from eskin.snn.experiments.recipes import UPDATES, batch_for, epochs_for, for_recordings
         from eskin.snn.experiments.settings import parse_settings
         from eskin.snn.training import parted
 
@@ -146,21 +158,31 @@ class Maker:
         folder, recipe = Path(made.events), self.values["recipe"] or "skin"
         seconds = seconds_of(folder)
         assert seconds is not None, "recordings have samples"
-        if self.values["epochs"] is None:
-            epochs = epochs_for(len(names), made.train.windows, made.train.batch, UPDATES)
-            made = dataclasses.replace(made, train=dataclasses.replace(made.train, epochs=epochs))
+        settings, scans = parse_settings(self.values["settings"] or []), len(data.scans_of(images))
+
+        def sized(train: TrainConfig) -> TrainConfig:
+            batch = train.batch if "batch" in settings else batch_for(scans * train.windows)
+            epochs = train.epochs if self.values["epochs"] else epochs_for(scans, train.windows, batch, UPDATES)
+            return dataclasses.replace(train, batch=batch, epochs=epochs)
+
+        made = dataclasses.replace(made, train=sized(made.train))
         if made.frames is not None:
             return [made]
-        settings = parse_settings(self.values["settings"] or [])
         bins = [made.bins.bin_s]
         if self.values["bin_s"] is None:
             codes, rate_hz = signals_of(folder)
-            other = bin_of_spectrum([codes[name] for name in names], rate_hz)
-            bins += [other] if max(other / bins[0], bins[0] / other) > OTHER_BIN else []
+            other = bin_of_spectrum([codes[data.names[image]] for image in images], rate_hz)
+            for one in [2 * other, other] if other < bins[0] else [other]:  # noise moves the edge of a spectrum up
+                bins += [one] if all(max(one / bin_s, bin_s / one) > OTHER_BIN for bin_s in bins) else []
+        few, learns = len(images) <= FEW, recipe == "skin" and "learn_decay" not in settings
         found = []
-        for learned in [False] if recipe != "skin" or "learn_decay" in settings else [False, True]:
-            for bin_s in bins:
+        for learned in ([True] if few else [False, True]) if learns else [False]:
+            for bin_s, halves in itertools.product(bins, [False, True] if few else [False]):
                 follows = for_recordings(recipe, seconds, bin_s) | ({"learn_decay": True} if learned else {})
+                if halves and "window_steps" in follows | settings:
+                    continue
+                if halves and (half := int(seconds.min() / bin_s) // 2):
+                    follows |= {"window_steps": half, "windows": 2}
                 network, training = parted(follows | settings)
                 training.pop("batch", None)
                 found.append(
@@ -168,7 +190,7 @@ class Maker:
                         made,
                         bins=dataclasses.replace(made.bins, bin_s=bin_s),
                         network=made.network | network,
-                        train=dataclasses.replace(made.train, **training),
+                        train=sized(dataclasses.replace(made.train, **training)),
                     )
                 )
         return found
@@ -200,8 +222,10 @@ def build_experiment(options: dict[str, Any], fit: Fit | None = None) -> Experim
     prepared = parse_fields(Preparation, {name: options[name] for name in PREPARATION})
     follows: dict[str, Any] = {}
     if options["data"] is not None:
-        fixed = given | ({"scale", "baseline"} & set(prepared))
-        fixed = fixed if options["frames"] is None else fixed | {"encoding", "resolution", "baseline"}
+        if options["gains"] is not None:
+            prepared["gains"] = parse_gains(options["gains"])
+        fixed = given | ({"scale", "baseline", "gains"} & set(prepared))
+        fixed = fixed if options["frames"] is None else fixed | {"encoding", "resolution", "baseline", "gains"}
         fit = dataclasses.replace(fit or Fit(), tau_s=tau_s)
         folder = events_of(options["data"], {"strict": True} | prepared, readout, fixed, fit=fit)
         tau_s = None  # the readout of the event files has it
@@ -210,8 +234,9 @@ def build_experiment(options: dict[str, Any], fit: Fit | None = None) -> Experim
         if options["frames"] is not None:
             bin_s = FrameSteps.parse(options["frames"], bin_s).step_s
         follows = _following(recipe, folder, bin_s)
-    elif "sample_rate_hz" in given and options["config_file"] is None:
-        raise InputError("--sample-rate needs your own recordings; name their folder with --data DIR")
+    elif options["gains"] is not None or ("sample_rate_hz" in given and options["config_file"] is None):
+        name = "--sample-rate" if options["gains"] is None else "--gains"
+        raise InputError(f"{name} needs your own recordings; name their folder with --data DIR")
     else:
         check_alone(None, prepared, {})
     bins = BinConfig(start_s=options["start"])
@@ -263,6 +288,14 @@ def _bin_of(folder: Path) -> float | None:
         return None
     print(f"time bin: {period_s:.4g} s, the sample period of these recordings; --bin sets another time bin")
     return period_s
+
+
+def parse_gains(text: str) -> tuple[float, ...]:
+    """Return the gains in a text such as ``0.7,1.4``, or no gain for ``none``."""
+    try:
+        return () if text == "none" else tuple(map(float, text.split(",")))
+    except ValueError:
+        raise InputError(f"--gains needs numbers such as 0.7,1.4, or none, not {text!r}") from None
 
 
 def check_device(device: str, threads: int) -> None:

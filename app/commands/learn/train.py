@@ -152,9 +152,9 @@ def _print_data(chosen: Fold, folds: int, noun: str) -> None:
 def _chosen(make: Maker, made: Experiment, fold: Fold, seed: int) -> tuple[Experiment, Fold, dict[str, Any]]:
     """Return experiment and fold with the settings that inner validation chooses, and all scores."""
     from eskin.skin.recordings.event_files import CHOICE
-    from eskin.snn.experiments.inner import choose
+    from eskin.snn.experiments.inner import choose, described
 
-    tried = make.variations(made, [fold.data.names[number] for number in fold.images])
+    tried = make.variations(made, fold.data, fold.images)
     data = {made.bins: fold.data}
 
     def data_of(one: Experiment) -> ScanData:
@@ -166,8 +166,7 @@ def _chosen(make: Maker, made: Experiment, fold: Fold, seed: int) -> tuple[Exper
     more: dict[str, Any] = {}
     if scores:
         more["inner"] = scores
-        decays = "learned" if made.network.get("learn_decay") else "fixed"
-        print(f"chosen: time bin {1e3 * made.bins.bin_s:.4g} ms, {decays} decays; --bin and --set learn_decay fix them")
+        print(f"chosen: {described(made)}; --bin, --set learn_decay and --set window_steps fix them")
     if make.values["data"] is not None and made.events is not None:
         more["choice"] = read_json(Path(made.events) / CHOICE, "the scores of the settings", dict)["scores"]
     return made, dataclasses.replace(fold, data=data_of(made)), more
