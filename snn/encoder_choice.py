@@ -119,8 +119,8 @@ class EncoderChoice(Fit):
         """Return the configuration and preparation with which short trainings classify best, with all scores.
 
         The first round compares baselines, scales and gains, the others encoders and resolutions. After a round, the
-        better half remains; of the last two, the one with fewer bit/s wins if it is at most one standard error below
-        the other. With fewer than two recordings of a class, ``Fit`` chooses.
+        better half remains; of the last, the one with the fewest bit/s wins that is at most one standard error below
+        the best. With fewer than two recordings of a class, ``Fit`` chooses.
 
         With groups or few recordings, the log loss decides, and the best preparations of two baselines remain after the
         first round. Few recordings without groups compare gains at the end, by longer trainings.
@@ -178,8 +178,7 @@ class EncoderChoice(Fit):
         last = ranked(left, len(UPDATES) - 1)
         of = sum(map(len, judging(len(UPDATES) - 1)))
         error = math.sqrt(last[0].wrong * (1 - last[0].wrong / of))
-        alike = [one for one in last if one.wrong <= last[0].wrong + error] if turns == 1 else last[:1]
-        found = min(alike, key=lambda one: one.bits_per_s)
+        found = min((one for one in last if one.wrong <= last[0].wrong + error), key=lambda one: one.bits_per_s)
         others = [one for one in recordings if one not in tried_first and _alike(one, found.options)]
         if others:
             found = ranked([(one, found.config) for one in (found.options, *others)], len(UPDATES), LONG)[0]
