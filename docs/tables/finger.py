@@ -110,6 +110,7 @@ def finger_targets() -> Rows:
         for frames in (False, True):
             some = [point for point in points if (point["readout"] == "frame") == frames]
             found = [(accuracies(report, point["network"]), name_of(point)) for point in some]
+            found += [] if frames else [(trained_means(report), "N-LCS 4 b, as in the table above")]
             best, name = max((of_folds[kind], name) for of_folds, name in found if kind in of_folds)
             cells.append(f"{'met' if best >= wanted else 'missed'}: {100 * best:.1f} % ({name})")
         yield [text, *cells]
@@ -132,9 +133,57 @@ def finger_played() -> dict[str, Any]:
     }
 
 
-def finger_default() -> dict[str, Any]:
-    """Return the result of a training with default options."""
-    return dict(finger_report()["level"]["default"])
+def default_trainings() -> Rows:
+    """Yield the trainings of docs/data/trainings.json by kind of test, each beside its references.
+
+    p is McNemar's against the better reference, median over the seeds, after Holm's correction for all rows.
+    """
+    runs = read("docs/data/trainings.json")["runs"]
+    found, p_values = [], []
+    for test in dict.fromkeys(run["test"] for run in runs):
+        some = [run for run in runs if run["test"] == test]
+        labels, references = some[0]["labels"], some[0]["references"]
+        plain = {name: references[name]["right"] for name in ("signals", "forest")}
+        words = [run["predicted"] for run in some]
+        pair = compare(labels, [references[max(plain, key=plain.__getitem__)]["predicted"]] * len(some), words)
+        p_values.append(statistics.median(pair.p))
+        found.append(
+            {
+                "test": test,
+                "readout": readout_of(some[0]),
+                "right": ", ".join(str(run["right"]) for run in some),
+                "of": len(labels),
+                "percent": 100 * float(right_of(labels, words).mean()),
+                "most": references["most frequent class"]["right"],
+            }
+            | plain
+        )
+    for row, p in zip(found, holm(p_values), strict=True):
+        yield row | {"p": p}
+
+
+def trained_means(report: dict[str, Any]) -> dict[str, float]:
+    """Return the accuracies of docs/data/trainings.json by fold, and by group of folds if no fold is missing."""
+    found = dict[str, list[float]]()
+    for run in read("docs/data/trainings.json")["runs"]:
+        fold = run["test"].removeprefix("finger, ").removesuffix(", given").replace("mm/s", "mm/s, both ways")
+        found.setdefault(fold, []).append(run["right"] / len(run["labels"]))
+    return _grouped(report, {fold: float(np.mean(of_seeds)) for fold, of_seeds in found.items()})
+
+
+def unseen_pressures() -> Rows:
+    """Yield the remedies for an unseen pressure with the right answers at the lowest and the highest pressure."""
+    report = finger_report()
+    labels = [only(report["folds"], fold=f"pressure {force}")["labels"] for force in (120, 250)]
+    for one in read("docs/data/trainings.json")["remedies"]:
+        a, b = (int(right_of(wanted, [word]).sum()) for wanted, word in zip(labels, one["predicted"], strict=True))
+        yield {"remedy": one["remedy"], "a": a, "b": b}
+
+
+def readout_of(run: dict[str, Any]) -> str:
+    """Return encoder, resolution, baseline, gains and time bin of a training as text."""
+    gains = f", gains {', '.join(map('{:g}'.format, run['gains']))}" if run.get("gains") else ""
+    return filled(f"{{encoding:E}} {{resolution}} b, `{{baseline}}`{gains}, bins of {{bin_s:1e3*#2}} ms", run)
 
 
 def _level(point: str) -> dict[str, Any]:

@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eskin.app.commands.learn.options import Maker
+from eskin.app.commands.signals.recordings import events_of
+from eskin.model.config import ReadoutConfig
 from eskin.skin.recordings.event_files import bin_of_spectrum
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.scans import ScanData
 from eskin.snn.experiments.experiment import Experiment
-from eskin.snn.experiments.inner import choose
+from eskin.snn.experiments.inner import FEW, choose
 from eskin.snn.experiments.intervals import sentences
 from eskin.snn.experiments.recipes import MOST_EPOCHS, epochs_for
 from eskin.snn.experiments.settings import experiment_of
@@ -61,6 +64,34 @@ def test_time_bins_follow_the_spectrum() -> None:
     for hz, bin_s in ((30, 8e-3), (60, 4e-3), (240, 1e-3)):
         values = 500 + 400 * np.sin(2 * np.pi * hz * time_s)[:, None] * [1, 1]
         assert bin_of_spectrum([values, values[:100]], 1000) == pytest.approx(bin_s, abs=1e-3)
+
+
+def test_few_recordings_vary_bins_and_windows_and_others_bins_and_decays(folder: Path) -> None:
+    write_skin(folder / "skin", rate_hz=500, taxels=4, each=2)
+    place = events_of(Path("skin"), {"baseline": "first"}, ReadoutConfig(resolution=4), ("resolution", "encoding"))
+    made = experiment_of("skin", {}, 60, BinConfig(bin_s=0.2), events=str(place))
+    data = made.data()
+    values: dict[str, Any] = {"data": Path("skin"), "recipe": None, "epochs": None, "settings": [], "bin_s": None}
+
+    def varied(images: int, **given: Any) -> list[tuple[float, bool, int, int]]:
+        some = np.resize(np.arange(len(data.names)), images)
+        found = Maker(values | given).variations(made, data, some)
+        return [
+            (one.bins.bin_s, bool(one.network.get("learn_decay")), one.train.window_steps, one.train.windows)
+            for one in found
+        ]
+
+    few = varied(6)
+    bins = sorted({bin_s for bin_s, *_ in few})
+    assert len(bins) == 3, "the default, and two from the spectrum"
+    assert bins[1] == pytest.approx(2 * bins[0])
+    assert {(steps, windows) for bin_s, _, steps, windows in few if bin_s == 0.2} == {(0, 1), (20, 2)}, "of 8 s"
+    assert all(learned for _, learned, *_ in few)
+    assert len(few) == 6
+    many = varied(FEW + 1)
+    assert len(many) == 6
+    assert [learned for _, learned, *_ in many] == [False] * 3 + [True] * 3
+    assert varied(6, bin_s=0.2, settings=["window_steps=9", "learn_decay=false"]) == [(0.2, False, 9, 1)]
 
 
 def test_a_forest_finds_classes_that_no_line_separates() -> None:
