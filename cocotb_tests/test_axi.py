@@ -67,7 +67,6 @@ REFUSED = {
     "--bus ahb": "--bus must be one of axi, not 'ahb'",
     "--bus axi --time-bits 65": "time_bits must be in 0..64, not 65",
     "--time-bits 3": "--time-bits has no effect without --bus; add --bus axi",
-    "--bus axi --clock-gates": "--bus has no effect with --clock-gates: leave one of the two out",
     "--bus axi --word-bits 8": "--word-bits is for the frame readout; add --readout frame",
     "--bus axi --readout frame": "--bus has no effect with --readout frame: leave one of the two out",
     "--bus axi --tiles 2x2": "--bus has no effect with --tiles: leave one of the two out",

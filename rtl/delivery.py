@@ -341,9 +341,8 @@ def core(config: Config, gated: bool = False) -> str:
 
 def _beside(config: Config, gated: bool) -> list[str]:
     """Return the Verilog files that a design needs beside its own."""
-    if isinstance(config, BusConfig):
-        return [f"{top_block(config.readout).module_name}.v"]
-    return [f"{GATE}.v"] if gated else []
+    readout = [f"{top_block(config.readout).module_name}.v"] if isinstance(config, BusConfig) else []
+    return [*readout, *([f"{GATE}.v"] if gated else [])]
 
 
 def _summary(config: Config) -> str:
@@ -384,7 +383,7 @@ def write(config: Config, folder: Path, gated: bool = False) -> list[Path]:
     """
     top = top_block(config).module_name
     files = {
-        ".v": wrapper(config) if isinstance(config, BusConfig) else verilog(config, gated),
+        ".v": wrapper(config, gated) if isinstance(config, BusConfig) else verilog(config, gated),
         ".sdc": constraints(config, gated),
         ".json": description(config, gated) + "\n",
         ".core": core(config, gated),
@@ -395,12 +394,13 @@ def write(config: Config, folder: Path, gated: bool = False) -> list[Path]:
     readout = config.readout if isinstance(config, ChipConfig) else config
     if isinstance(readout, ReadoutConfig) and readout.registers != "none":
         texts |= _of_registers(readout, header(config, "//", gated))
-    texts |= {f"{GATE}.v": header(config, "//", gated) + BEHAVIOUR} if gated else {}
+    if gated and not isinstance(config, BusConfig):
+        texts[f"{GATE}.v"] = header(config, "//", gated) + BEHAVIOUR
     folder.mkdir(parents=True, exist_ok=True)
     paths: list[Path] = []
     earlier: list[Path] = []
     if isinstance(config, BusConfig):
-        paths = write(config.readout, folder)
+        paths = write(config.readout, folder, gated)
     else:
         earlier = _unchanged(folder, top, {f"{GATE}.v", *(f"{NAME}.{end}" for end in REGISTERS)} - set(texts))
     for name, text in texts.items():

@@ -84,20 +84,23 @@ def verilog(config: Config, gated: bool = False) -> str:
     Behind a bus, the readout is the same text as without the bus.
     """
     if isinstance(config, BusConfig):
-        return wrapper(config) + verilog(config.readout)
-    top = top_block(config)
-    if gated:
-        text = _marked(clock_gates.gated(block_rtlil(top), top.module_name, config.reset == "sync"))
-    else:
-        text = block_verilog(top)
-    return header(config, "//", gated) + _waive(text, config)
+        return wrapper(config, gated) + verilog(config.readout, gated)
+    return header(config, "//", gated) + _waive(_text(config, gated), config)
 
 
-def wrapper(config: BusConfig) -> str:
+def wrapper(config: BusConfig, gated: bool = False) -> str:
     """Return the modules around the readout as Verilog text."""
-    modules = re.findall(r"^module .*?^endmodule\n", block_verilog(top_block(config)), re.MULTILINE | re.DOTALL)
+    modules = re.findall(r"^module .*?^endmodule\n", _text(config, gated), re.MULTILINE | re.DOTALL)
     own = "\n".join(text for text in modules if text.startswith(f"module {AxiReadout.module_name}"))
-    return header(config, "//") + _waive(own, config)
+    return header(config, "//", gated) + _waive(own, config)
+
+
+def _text(config: Config, gated: bool) -> str:
+    """Return all modules of a design, without header and waivers."""
+    top = top_block(config)
+    if not gated:
+        return block_verilog(top)
+    return _marked(clock_gates.gated(block_rtlil(top), top.module_name, config.reset == "sync"))
 
 
 def block_verilog(block: Block[Any]) -> str:

@@ -62,7 +62,6 @@ def deliver(config: Config, folder: Path, report: Path | None = None, gated: boo
     paths = write(config, folder, gated)
     if isinstance(config, ChipConfig):
         return paths
-    if isinstance(config, BusConfig):
-        paths += sheet_of(config.readout, netlist).write(folder)
-    sheet = dataclasses.replace(sheet_of(config, netlist), gated=gated)
-    return [*paths, *sheet.write(folder)]
+    for design in (config.readout, config) if isinstance(config, BusConfig) else (config,):
+        paths += dataclasses.replace(sheet_of(design, netlist), gated=gated).write(folder)
+    return paths

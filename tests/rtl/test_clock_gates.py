@@ -11,6 +11,7 @@ from eskin.cocotb_tests.test_chip import chip
 from eskin.cocotb_tests.test_verilog import lint
 from eskin.cocotb_tests.touch.noise import play
 from eskin.flow.datasheet.page import deliver
+from eskin.model.bus.config import BusConfig
 from eskin.model.cases import AXES, singles, values_of
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.delivery import description, write
@@ -36,6 +37,22 @@ def test_every_flop_and_output_is_proved_and_a_gate_that_sleeps_too_much_is_foun
 
 GATED = singles(FEW.replace(link="stream", leak_period=9, window_period=3, closing_shift=1, resolution=3), **AXES)
 """Small readouts with every value of every axis."""
+
+
+BUS = BusConfig(readout=FEW.replace(link="stream", registers="spi", reset="async"), time_bits=3)
+
+
+def test_behind_a_bus_readout_and_wrapper_have_clock_gates(tmp_path: Path) -> None:
+    files = {path.name: path for path in write(BUS, tmp_path, gated=True)}
+    texts = [files[f"{name}.v"] for name in ("eskin_axi", "eskin_readout", GATE)]
+    assert lint(*texts) == ""
+    assert all(f"  {GATE} gate_0 (" in path.read_text() for path in texts[:2])
+    assert f"files: [eskin_axi.v, eskin_readout.v, {GATE}.v]" in files["eskin_axi.core"].read_text()
+    assert prove_gated(BUS, "".join(path.read_text() for path in texts[:2])) > 300
+    wrong = texts[0].read_text().replace("m_axis_tlast <= ~goes_on", "m_axis_tlast <= goes_on")
+    assert wrong != texts[0].read_text()
+    with pytest.raises(Different, match="not proved equal: "):
+        prove_gated(BUS, wrong + texts[1].read_text())
 
 
 @pytest.mark.parametrize("config", GATED, ids=lambda config: "-".join(values_of(config).values()))

@@ -5,6 +5,7 @@ from typing import Any
 
 from eskin.flow.asic.compare import add, compare
 from eskin.rtl import yosys
+from eskin.rtl.delivery import CLOCK_AND_RESET
 from eskin.rtl.gates.clock_gates import FLOPS, GATE, STUB, TEST
 from eskin.rtl.verilog import Config, rtlil, top_block, verilog
 from eskin.verify.proofs.delivered import DATA, MEMORY, SPELLED, UNDEFINED, Different
@@ -50,7 +51,7 @@ def prove_gated(config: Config, text: str = "") -> int:
     gold["netnames"] = {SPELLED.sub(r"\1\3_\2\4", name): net for name, net in gold["netnames"].items()}
     memories = []
     for module in (gold, gate):
-        enables = _Enables(module)
+        enables = _Enables(module, CLOCK_AND_RESET.get(type(config), ("clk", "rst"))[0])
         enables.to_flops()
         memories.append(enables.cut_memories())
     if memories[0] != memories[1]:
@@ -67,9 +68,9 @@ class _Enables:
     ``root`` is the net of the clock input, and ``gates`` has the nets of clock and enable for each gated net.
     """
 
-    def __init__(self, module: dict[str, Any]) -> None:
+    def __init__(self, module: dict[str, Any], clock: str) -> None:
         self.module, self.cells = module, module["cells"]
-        self.root = module["ports"]["clk"]["bits"][0]
+        self.root = module["ports"][clock]["bits"][0]
         self.gates = {}
         for name, cell in list(self.cells.items()):
             if cell["type"] == GATE:

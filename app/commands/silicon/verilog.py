@@ -66,10 +66,9 @@ def verilog(
     """
     if bus is not None or time_bits is not None:
         spiking = spiking_or_frame(readout, config, given, stored | own)
-        others = {"--tiles": tiles, "--classifier": classifier, "--clock-gates": clock_gates}
-        others["--readout frame"] = isinstance(spiking, FrameConfig)
+        others = {"--tiles": tiles, "--classifier": classifier, "--readout frame": isinstance(spiking, FrameConfig)}
         design = _behind(bus, time_bits, config, [name for name, is_given in others.items() if is_given])
-        _deliver(design, out, prove, report)
+        _deliver(design, out, prove, report, clock_gates)
         return
     if tiles is not None:
         if stored:
