@@ -4,7 +4,6 @@ import json
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,8 @@ import numpy as np
 
 from eskin.analog.circuit import FrontEnd, Taxel
 from eskin.analog.decision import compare
+from eskin.base.files import digest
+from eskin.base.workers.store import Store
 from eskin.cocotb_tests.bench.block import JOB, Block, signed_words
 from eskin.model.config import ReadoutConfig
 
@@ -22,23 +23,26 @@ Ask = Callable[[float, int, int], int]
 """Comparators of a taxel: signal, reference and half-width in codes -> 1 for above, plus 2 for below."""
 
 
-def transistors(taxel: Taxel, gain: float) -> Ask:
-    """Return comparators of transistors. Equal inputs give equal decisions, so they are simulated once."""
+def transistors(taxel: Taxel, gain: float, store: Store) -> Ask:
+    """Return comparators of transistors. Equal inputs give equal decisions, so they are simulated once and stored."""
 
-    @cache
     def ask(x: float, reference: int, half_width: int) -> int:
-        above, below = compare(taxel, taxel.volts(x), reference, half_width, gain)
-        return above + 2 * below
+        def simulated() -> int:
+            above, below = compare(taxel, taxel.volts(x), reference, half_width, gain)
+            return above + 2 * below
+
+        return int(store.of(f"{x!r} {reference} {half_width}", simulated))
 
     return ask
 
 
-def behaviour(taxel: Taxel, gain: float, offset_v: float) -> Ask:
-    """Return comparators that are ideal but for two offsets: the taxel's own, and ``offset_v`` of all."""
+def behaviour(taxel: Taxel, gain: float, noise_v: float, rng: np.random.Generator) -> Ask:
+    """Return comparators that are ideal but for noise and the offsets of the taxel."""
 
     def ask(x: float, reference: int, half_width: int) -> int:
         inputs_v = taxel.inputs_v(taxel.volts(x), reference, half_width, gain)
-        high = [v > own + offset_v for v, own in zip(inputs_v, taxel.offsets_v, strict=False)]
+        noisy = inputs_v + rng.normal(0, noise_v, len(inputs_v))
+        high = [v > own for v, own in zip(noisy, taxel.offsets_v, strict=False)]
         return high[0] + 2 * (len(high) > 1 and not high[1])
 
     return ask
@@ -51,8 +55,7 @@ async def play(dut: Any) -> None:
     config, front_end = ReadoutConfig.from_dict(job["config"]), FrontEnd.from_dict(job["front_end"])
     signal = np.load(job["signal"])  # codes, shape (ticks, taxels)
     taxels = [Taxel(front_end, config, (own[0], own[1])) for own in job["offsets_v"]]
-    gain, offset_v = job["gain"], job["offset_v"]
-    ask = [transistors(one, gain) if offset_v is None else behaviour(one, gain, offset_v) for one in taxels]
+    ask = [_comparators(job, number, one) for number, one in enumerate(taxels)]
     block, clocks = Block(dut), len(signal) * config.clocks_per_sample
     decisions, strobes = np.zeros((clocks, config.taxels), np.uint8), np.zeros(config.taxels, np.int64)
     events, now = [], [0] * config.taxels
@@ -79,6 +82,14 @@ async def play(dut: Any) -> None:
                 events.append([clock, *(block.read(f"event_{part}") for part in ("row", "col", "polarity"))])
             await block.edge()
     np.savez(Path(RESULT), decisions=decisions, events=np.array(events, np.int64).reshape(-1, 4), strobes=strobes)
+
+
+def _comparators(job: dict[str, Any], number: int, taxel: Taxel) -> Ask:
+    """Return the comparators of a taxel: behavioural, or of transistors with a file of their decisions."""
+    if job["noise_v"] is not None:
+        return behaviour(taxel, job["gain"], job["noise_v"], np.random.default_rng(number))
+    circuit = digest([job["front_end"], taxel.offsets_v, job["gain"]])
+    return transistors(taxel, job["gain"], Store(Path(f"decisions{number}.json"), f"{job['code']} {circuit}"))
 
 
 def _asked(config: ReadoutConfig, block: Block, sample: list[float]) -> dict[int, tuple[float, int, int]]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from eskin.analog.circuit import FrontEnd, Taxel
-from eskin.analog.decision import FINE_S, decide, fine, waveform
+from eskin.analog.decision import FINE_S, compare, decide, fine, waveform
 from eskin.analog.models import CORNERS, sizes
 from eskin.analog.ngspice import simulate
 from eskin.base.errors import InputError
@@ -143,6 +143,20 @@ def offset(f: FrontEnd, samples: int = 40, seed: int = 1) -> Data:
         "sigma_v": float(found[1:].std(ddof=1)),
         "mismatch_v_um": MISMATCH_V_UM,
     }
+
+
+def own_offsets(taxel: Taxel) -> list[float]:
+    """Return the input of each side at which it changes its answer, at mid scale: both sides fire, and kick back."""
+    reference, step, found = taxel.middle * taxel.grid, taxel.config.step, []
+    for side in range(len(taxel.sides)):
+        at_zero = taxel.inputs_v(0.0, reference, step, 1.0)[side]
+        low, high = -REACH_V, REACH_V
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            answer = compare(taxel, middle - at_zero, reference, step)[side]
+            low, high = (low, middle) if answer == (side == 0) else (middle, high)
+        found.append((low + high) / 2)
+    return found
 
 
 def kick_back(f: FrontEnd, input_v: float, capacitor_f: float) -> Data:

@@ -34,7 +34,7 @@ class FrontEnd(Configuration):
     supply_v: float = parameter(1.8, "V", "SKY130, nominal", "supply and reference of the DAC")
     corner: Corner = parameter("tt", "", "SKY130", "corner of the transistors: NMOS, then PMOS")
     temperature_c: float = parameter(27.0, "C", OURS, "temperature")
-    unit_f: float = parameter(1e-15, "F", OURS, "unit capacitor of the DAC, a metal fringe capacitor")
+    unit_f: float = parameter(0.5e-15, "F", OURS, "unit capacitor of the DAC, a metal fringe capacitor")
     bottom_share: float = parameter(0.1, "of C", OURS, "capacitance from a bottom plate to ground")
     input_w_um: float = parameter(4.0, "um", OURS, "width of the comparator's input transistors")
     input_l_um: float = parameter(0.5, "um", OURS, "length of the comparator's input transistors")

@@ -81,8 +81,8 @@ def compare(taxel: Taxel, x_v: float, reference: int, half_width: int, gain: flo
     It starts from the charge of the DAC, which is computed: the top plates have moved by the reference and the
     half-width, in units of ``gain * unit_v``. A tenth of the devices and steps of ``decide`` remain.
     """
-    f, begin = taxel.front_end, 1e-9
-    lines = [*taxel.comparators(), f"Vck ckn 0 {waveform(f.supply_v, [(begin, 0.0)])}", fine(begin)]
+    f, begin = taxel.front_end, 0.2e-9
+    lines = [*taxel.comparators(), f"Vck ckn 0 {waveform(f.supply_v, [(begin, 0.0)])}"]
     for plate in {**taxel.plates, **taxel.dummies, **{p: 1 for side in taxel.sides for p in taxel.width_plates(side)}}:
         lines.append(f"R{plate} {plate} 0 {GATE_OHM:g}")
     tops = {"middle": f.supply_v / 2}
@@ -92,6 +92,6 @@ def compare(taxel: Taxel, x_v: float, reference: int, half_width: int, gain: flo
     end = begin + FINE_S * FINE_STEPS + 0.5e-9
     names = ("above", "below")[: len(taxel.sides)]
     measures = [f"{name} find v({name}) at={0.999 * end:.6g}" for name in names]
-    found = simulate(f.circuit(*lines, f".tran 1n {end:.6g}"), measures)
+    found = simulate(f.circuit(*lines, f".tran {FINE_S:g} {end:.6g} 0 {FINE_S:g}"), measures)
     above, below = (found.get(name, 0.0) > f.supply_v / 2 for name in ("above", "below"))
     return above, below

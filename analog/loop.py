@@ -46,7 +46,8 @@ def play(
     *,
     gain: float = 1.0,
     offsets_v: NDArray[np.float64] | None = None,
-    behave: float | None = None,
+    noise_v: float | None = None,
+    code: str = "",
 ) -> Loop:
     """Play a signal through the comparators and the Verilog, in Icarus.
 
@@ -58,8 +59,10 @@ def play(
         Gain of the DAC, as the characterisation measured it.
     offsets_v : ndarray, optional
         Offsets of the comparators for ON and OFF in volts, shape (taxels, 2).
-    behave : float, optional
-        Replace the transistors by ideal comparators with this offset in volts, in addition to ``offsets_v``.
+    noise_v : float, optional
+        Replace the transistors by behavioural comparators with ``offsets_v`` and this rms noise in volts.
+    code : str
+        Version of the sources. Decisions are stored in the folder; a loop of the same version takes them from there.
     """
     folder.mkdir(parents=True, exist_ok=True)
     np.save(folder / "signal.npy", signal)
@@ -69,7 +72,8 @@ def play(
         "signal": str((folder / "signal.npy").resolve()),
         "gain": gain,
         "offsets_v": (np.zeros((config.taxels, 2)) if offsets_v is None else offsets_v).tolist(),
-        "offset_v": behave,
+        "noise_v": noise_v,
+        "code": code,
     }
     build(config, "icarus", top="eskin_readout").test(MODULE, folder, "play", {JOB: json.dumps(job)})
     with np.load(folder / RESULT) as found:

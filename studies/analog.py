@@ -21,8 +21,10 @@ from eskin.analog.loop import different, play
 from eskin.base.errors import InputError
 from eskin.base.figures.style import PALETTE, dress, new_figure, save_figure
 from eskin.base.files import digest
-from eskin.base.workers.engine import Needs
+from eskin.base.workers.engine import Needs, version
 from eskin.model.config import ReadoutConfig
+from eskin.skin.textures.dataset import open_dataset
+from eskin.skin.textures.presets import preset
 from studies.study import OUT, Data, Result, work_of
 
 CONFIG = ReadoutConfig(rows=1, columns=1, sample_bits=8, resolution=6, frontend="analog")
@@ -37,12 +39,12 @@ LOOPS = {
 }
 """Loops by name; every taxel of the last has comparators with offsets of its own."""
 
-TICKS, SHORT_TICKS = 200, 60
-"""Sample ticks of a loop, and of that of four taxels."""
+TICKS = 200
+"""Sample ticks of a loop."""
 
 REFERENCES = [-112, -64, -32, -8, -1, 0, 8, 32, 64, 112]
 SEED = 1
-NEEDS = Needs(("base", "model", "rtl", "cocotb_tests", "analog"), ("numpy", "scipy"))
+NEEDS = Needs(("base", "model", "rtl", "skin", "cocotb_tests", "analog"), ("numpy", "scipy"))
 
 
 def comparator(front_end: FrontEnd, samples: int = 20) -> Data:
@@ -56,6 +58,7 @@ def comparator(front_end: FrontEnd, samples: int = 20) -> Data:
         "kick_back": lambda: measure.kick_back(front_end, 1e-3, front_end.unit_f * taxel.units),
         "dac": lambda: measure.dac(taxel, period_s, REFERENCES),
         "one_side": lambda: measure.dac(one_side, period_s, [16, 48, 64, 80, 112]),
+        "own": lambda: {"offsets_v": measure.own_offsets(taxel)},
         "offset": lambda: measure.offset(front_end, samples),
         "noise": lambda: measure.noise(front_end),
     }
@@ -66,40 +69,54 @@ def comparator(front_end: FrontEnd, samples: int = 20) -> Data:
 
 
 def loops(front_end: FrontEnd) -> Data:
-    """Return the events of every loop, against the model and against a behavioural comparator."""
-    measured = comparator(front_end)
-    gain, offset_v, sigma_v = measured["dac"]["gain"], measured["offset"]["systematic_v"], measured["offset"]["sigma_v"]
-    store, key, rows = work_of("analog_loops", NEEDS), digest(front_end.to_dict()), []
-    for name, config in LOOPS.items():
-        spread_v = sigma_v if config.taxels > 1 else 0.0
-        row = store.of(f"{name} {key}", partial(loop, name, config, front_end, gain, offset_v, spread_v))
-        rows.append({"name": name} | row)
-    return {"front_end": front_end.to_dict(), "rows": rows}
+    """Return the events of a touch in every loop, against the model and against behavioural comparators."""
+    return {"rows": [loop(name, config, front_end, touch(config)) for name, config in LOOPS.items()]}
 
 
-def loop(name: str, config: ReadoutConfig, front_end: FrontEnd, gain: float, offset_v: float, spread_v: float) -> Data:
-    """Return the events of one loop; comparators have random offsets of deviation ``spread_v``."""
-    offsets_v = np.random.default_rng(SEED).normal(0, 1, (config.taxels, 2)) * spread_v
+def scan(front_end: FrontEnd) -> Data:
+    """Return the events of a taxel that slides over the first texture for 0.4 s."""
+    texture = open_dataset()[0]
+    signal = CONFIG.full_scale * preset("paper").signals(CONFIG, texture.load())
+    return {"texture": texture.name, "rows": [loop("lcs scan", CONFIG, front_end, signal)]}
+
+
+def loop(name: str, config: ReadoutConfig, front_end: FrontEnd, signal: NDArray[np.float64]) -> Data:
+    """Return the events of one loop; if there are several taxels, their comparators have random offsets."""
+    measured, store = comparator(front_end), work_of("analog_loops", NEEDS)
+    gain, noise_v = measured["dac"]["gain"], measured["noise"]["sigma_v"]
+    sigma_v = measured["offset"]["sigma_v"] if config.taxels > 1 else 0.0
+    mismatch_v = np.random.default_rng(SEED).normal(0, 1, (config.taxels, 2)) * sigma_v
+    key = f"{name} {digest(front_end.to_dict())}"
+    own_v = store.of(f"{key} offsets", partial(measure.own_offsets, Taxel(front_end, config)))
+    offsets_v = mismatch_v + [*own_v, 0.0][:2]  # a taxel with one side uses the first only
     folder = OUT / "analog" / name.replace(" ", "-")
-    signal = touch(config, TICKS if config.taxels == 1 else SHORT_TICKS)
-    found = play(config, front_end, signal, folder / "transistors", gain=gain, offsets_v=offsets_v)
-    behaved = play(config, front_end, signal, folder / "behaviour", gain=gain, offsets_v=offsets_v, behave=offset_v)
-    ideal = play(config, front_end, signal, folder / "ideal", behave=0.0)
-    return {
-        "config": config.to_dict(),
-        "ticks": len(signal),
-        "events": len(found.events),
-        "different": found.different,
-        "decisions": int(found.strobes.sum()),
-        "missed_by_behaviour": different(found.events, behaved.events) / 2,
-        "missed_by_ideal": different(found.events, ideal.events) / 2,
-        "offsets_v": offsets_v.tolist(),
-    }
+
+    def played() -> Data:
+        found = play(
+            config, front_end, signal, folder / "transistors", gain=gain, offsets_v=mismatch_v, code=version(NEEDS)
+        )
+        behaved = {
+            "measured": play(config, front_end, signal, folder, gain=gain, offsets_v=offsets_v, noise_v=0.0),
+            "noisy": play(config, front_end, signal, folder, gain=gain, offsets_v=offsets_v, noise_v=noise_v),
+            "ideal": play(config, front_end, signal, folder, noise_v=0.0),
+        }
+        return {
+            "config": config.to_dict(),
+            "ticks": len(signal),
+            "events": len(found.events),
+            "different": found.different,
+            "decisions": int(found.strobes.sum()),
+            "missed": {kind: different(found.events, one.events) / 2 for kind, one in behaved.items()},
+            "mismatch_v": mismatch_v.tolist(),
+            "own_offsets_v": own_v,
+        }
+
+    return {"name": name} | store.of(f"{key} {digest(signal.tolist())}", played)
 
 
-def touch(config: ReadoutConfig, ticks: int) -> NDArray[np.float64]:
+def touch(config: ReadoutConfig) -> NDArray[np.float64]:
     """Return a touch in codes: a slide over 0.3 of the ticks, a rest of 0.4, and a slide back."""
-    place = np.interp(np.arange(ticks), [0, 0.3 * ticks, 0.7 * ticks, ticks], [0.0, 1.0, 1.0, 0.0])
+    place = np.interp(np.arange(TICKS), [0, 0.3 * TICKS, 0.7 * TICKS, TICKS], [0.0, 1.0, 1.0, 0.0])
     phase = 0.2 + 2 * np.pi * 0.75 * place[:, None] + np.arange(config.taxels)
     middle = 0.0 if config.has_polarity else 0.5
     return config.full_scale * (middle + 0.12 * np.sin(phase))
@@ -131,6 +148,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=OUT, metavar="DIR", help=f"folder for data and figures [{OUT}]")
     parser.add_argument("--comparator", type=Path, metavar="FILE", help="netlist of another comparator")
     parser.add_argument("--loops", action="store_true", help="play a touch with the Verilog of each encoder; minutes")
+    parser.add_argument("--scan", action="store_true", help="play a texture of 0.4 s with the Verilog of LCS; an hour")
     options = parser.parse_args()
     try:
         front_end = FrontEnd()
@@ -142,6 +160,8 @@ def main() -> None:
         results = [Result("analog/comparator", partial(comparator, front_end), draw, long=known)]
         if options.loops:
             results.append(Result("analog/loops", partial(loops, front_end), long=known))
+        if options.scan:
+            results.append(Result("analog/scan", partial(scan, front_end), long=known))
         for result in results:
             for path in result.make("analog", options.out):
                 print(f"wrote {path}")

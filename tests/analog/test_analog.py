@@ -84,14 +84,14 @@ def test_transistors_and_verilog_give_the_events_of_the_model(tmp_path: Path) ->
     assert len(found.events) > 4
     assert found.different == 0
     assert 4 + len(found.events) == found.strobes  # a decision a tick, and one after each event
-    behaved = play(LCS, FrontEnd(), signal, tmp_path, behave=0.0)
+    behaved = play(LCS, FrontEnd(), signal, tmp_path, noise_v=0.0)
     assert different(found.events, behaved.events) == 0
 
 
 def test_an_offset_moves_the_events(tmp_path: Path) -> None:
     signal = np.full((4, 1), 1.4)
     ideal, moved = (
-        play(LCS, FrontEnd(), signal, tmp_path, offsets_v=np.full((1, 2), volts), behave=0.0)
+        play(LCS, FrontEnd(), signal, tmp_path, offsets_v=np.full((1, 2), volts), noise_v=0.0)
         for volts in (0.0, 0.5 * TAXEL.unit_v)
     )
     assert len(ideal.events) == 1
