@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from eskin.analog.circuit import FrontEnd, Taxel
-from eskin.analog.decision import FINE_S, compare, decide, fine, waveform
+from eskin.analog.decision import FINE_S, FINE_STEPS, compare, decide, fine, waveform
 from eskin.analog.models import CORNERS, sizes
 from eskin.analog.ngspice import simulate
 from eskin.base.errors import InputError
@@ -70,6 +70,25 @@ def answers(f: FrontEnd, lines: list[str], count: int, step: str) -> NDArray[np.
     measures = [f"o{number} find v(op{number}) at={end:g}" for number in range(count)]
     found = simulate(f.circuit(*lines, f".tran {step} {1.01 * end:g}"), measures)
     return np.array([found[f"o{number}"] > f.supply_v / 2 for number in range(count)])
+
+
+def check(f: FrontEnd) -> None:
+    """Refuse a comparator that lacks a size, answers wrongly, or is too slow for the other measurements."""
+    for line in subcircuit(f.cells):
+        if line.strip().lower().startswith("m") and not sizes(line):
+            raise InputError(f"a transistor needs a model, then w and l, such as w=0.42u l=0.15u, not: {line.strip()}")
+    lines = clocked(f)
+    for number, volts in enumerate((0.1, -0.1)):  # each holds the other answer before
+        lines += [*comparator(f, number, state=number), *inputs(f, volts, number)]
+    found = tuple("high" if high else "low" for high in answers(f, lines, 2, "1n"))
+    if found != ("high", "low"):
+        raise InputError(
+            "4 ns after the rising edge of clk, outp must be high if inp is 0.1 V above inn, and low if inp is 0.1 V "
+            f"below; outp is {found[0]}, and {found[1]}"
+        )
+    (delay_s,) = delays(f, (1e-3,))["delays_s"]
+    if delay_s is None or delay_s > FINE_S * FINE_STEPS:
+        raise InputError(f"with 1 mV between inp and inn, outp must change within {FINE_S * FINE_STEPS * 1e9:g} ns")
 
 
 def energy(f: FrontEnd, input_v: float = 10e-3) -> Data:

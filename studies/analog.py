@@ -6,6 +6,7 @@
 
 import argparse
 import dataclasses
+import re
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -23,6 +24,7 @@ from eskin.base.figures.style import PALETTE, dress, new_figure, save_figure
 from eskin.base.files import digest
 from eskin.base.workers.engine import Needs, version
 from eskin.model.config import ReadoutConfig
+from eskin.skin.samples import content_of
 from eskin.skin.textures.dataset import open_dataset
 from eskin.skin.textures.presets import preset
 from studies.study import OUT, Data, Result, work_of
@@ -47,10 +49,12 @@ SEED = 1
 NEEDS = Needs(("base", "model", "rtl", "skin", "cocotb_tests", "analog"), ("numpy", "scipy"))
 
 
-def comparator(front_end: FrontEnd, samples: int = 20) -> Data:
+def comparator(front_end: FrontEnd) -> Data:
     """Return energy, offset, noise, delay, kick-back and linearity, and energy and delay at the corners."""
     taxel, one_side = Taxel(front_end, CONFIG), Taxel(front_end, CONFIG.replace(encoding="nlcs"))
     store, key = work_of("analog", NEEDS), digest(front_end.to_dict())
+    if front_end.comparator:
+        measure.check(front_end)
     period_s = 1 / CONFIG.clock_hz
     parts: dict[str, Callable[[], Data]] = {
         "corners": lambda: {"rows": measure.corners(front_end, CONFIG)},
@@ -59,7 +63,7 @@ def comparator(front_end: FrontEnd, samples: int = 20) -> Data:
         "dac": lambda: measure.dac(taxel, period_s, REFERENCES),
         "one_side": lambda: measure.dac(one_side, period_s, [16, 48, 64, 80, 112]),
         "own": lambda: {"offsets_v": measure.own_offsets(taxel)},
-        "offset": lambda: measure.offset(front_end, samples),
+        "offset": lambda: measure.offset(front_end),
         "noise": lambda: measure.noise(front_end),
     }
     with ThreadPoolExecutor(2) as pool:
@@ -142,6 +146,12 @@ def draw(data: Data, path: Path) -> None:
     save_figure(figure, path)
 
 
+def netlist_of(path: Path) -> str:
+    """Return a netlist as text without continuation lines, and never empty: the default is this project's."""
+    text = content_of(path, "the netlist").decode(errors="replace")
+    return re.sub(r"\r?\n[ \t]*\+", " ", text) or "\n"
+
+
 def main() -> None:
     """Run the study with the options of the command line."""
     parser = argparse.ArgumentParser("python -m studies.analog", description=__doc__)
@@ -153,9 +163,7 @@ def main() -> None:
     try:
         front_end = FrontEnd()
         if options.comparator is not None:
-            if not options.comparator.is_file():
-                raise InputError(f"{options.comparator} does not exist; give a netlist with a subcircuit comparator")
-            front_end = dataclasses.replace(front_end, comparator=options.comparator.read_text())
+            front_end = dataclasses.replace(front_end, comparator=netlist_of(options.comparator))
         known = options.comparator is None  # else the data of another comparator may be there
         results = [Result("analog/comparator", partial(comparator, front_end), draw, long=known)]
         if options.loops:
