@@ -57,7 +57,7 @@ async def play(dut: Any) -> None:
     taxels = [Taxel(front_end, config, (own[0], own[1])) for own in job["offsets_v"]]
     ask = [_comparators(job, number, one) for number, one in enumerate(taxels)]
     block, clocks = Block(dut), len(signal) * config.clocks_per_sample
-    decisions, strobes = np.zeros((clocks, config.taxels), np.uint8), np.zeros(config.taxels, np.int64)
+    decisions, strobes = np.zeros((clocks, config.taxels), np.uint8), np.zeros((clocks, config.taxels), bool)
     events, now = [], [0] * config.taxels
     block.drive(taxel_enable=-1, sample_valid=0, event_ready=1, above=0, below=0)
     await block.reset()
@@ -71,7 +71,7 @@ async def play(dut: Any) -> None:
                 asked, pool.map(lambda n, inputs: ask[n](*inputs), asked, asked.values()), strict=True
             ):
                 now[taxel] = answer
-                strobes[taxel] += 1
+                strobes[clock, taxel] = True
             decisions[clock] = now
             block.drive(
                 above=sum((code & 1) << taxel for taxel, code in enumerate(now)),

@@ -170,7 +170,7 @@ def own_offsets(taxel: Taxel) -> list[float]:
     for side in range(len(taxel.sides)):
         at_zero = taxel.inputs_v(0.0, reference, step, 1.0)[side]
         low, high = -REACH_V, REACH_V
-        for _ in range(HALVINGS):
+        for _ in range(HALVINGS + 3):  # a slow signal takes many ticks for 0.1 mV
             middle = (low + high) / 2
             answer = compare(taxel, middle - at_zero, reference, step)[side]
             low, high = (low, middle) if answer == (side == 0) else (middle, high)
@@ -216,7 +216,7 @@ def transconductance(f: FrontEnd) -> float:
     return (found["a"] - found["b"]) / 2e-3
 
 
-def noise(f: FrontEnd, inputs_v: tuple[float, ...] = (-0.4e-3, 0.0, 0.4e-3), copies: int = 40) -> Data:
+def noise(f: FrontEnd, inputs_v: tuple[float, ...] = (-0.4e-3, 0.0, 0.4e-3), copies: int = 100) -> Data:
     """Return the input-referred noise of a comparator: the shares of high answers, fitted by a Gaussian.
 
     White noise currents of 4 k T gamma gm flow through the two input transistors, with the gm of their first moment:

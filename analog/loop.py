@@ -14,9 +14,13 @@ from eskin.cocotb_tests.bench.block import JOB
 from eskin.cocotb_tests.runner.simulator import build
 from eskin.model.address_events import Events, make_events
 from eskin.model.config import ReadoutConfig
-from eskin.model.readout import Stimulus, simulate
+from eskin.model.readout import Stimulus, simulate, strobes
 
 MODULE = "eskin.analog.bench"
+
+
+Happened = list[tuple[int, str]]
+"""What happened in which clock."""
 
 
 @dataclass(frozen=True)
@@ -25,17 +29,29 @@ class Loop:
 
     events: Events  # of the Verilog
     expected: Events  # of the golden model, with the decisions of the loop
-    strobes: NDArray[np.int64]  # decisions of each taxel, shape (taxels,)
+    strobes: NDArray[np.bool_]  # of the Verilog, shape (clocks, taxels)
+    expected_strobes: NDArray[np.bool_]
+
+    @property
+    def happened(self) -> Happened:
+        """Events and strobes of the Verilog, by clock."""
+        return happened(self.events, self.strobes)
+
+    @property
+    def should_happen(self) -> Happened:
+        """Events and strobes of the model, by clock."""
+        return happened(self.expected, self.expected_strobes)
 
     @property
     def different(self) -> int:
-        """Number of events that only the Verilog or only the model has."""
-        return different(self.events, self.expected)
+        """Number of events and strobes that only the Verilog or only the model has."""
+        return len({*self.happened} ^ {*self.should_happen})
 
 
-def different(one: Events, other: Events) -> int:
-    """Return the number of events that only one of two lists has in their clock."""
-    return len({*map(tuple, one.tolist())} ^ {*map(tuple, other.tolist())})
+def happened(events: Events, strobes: NDArray[np.bool_]) -> Happened:
+    """Return events and strobes in the order of their clocks, as text that shows where two lists differ."""
+    found = [(int(clock), f"compare of taxel {taxel}") for clock, taxel in np.argwhere(strobes)]
+    return sorted(found + [(t, f"{'ON' if p else 'OFF'} event of ({y}, {x})") for t, x, y, p in events.tolist()])
 
 
 def play(
@@ -77,8 +93,9 @@ def play(
     }
     build(config, "icarus", top="eskin_readout").test(MODULE, folder, "play", {JOB: json.dumps(job)})
     with np.load(folder / RESULT) as found:
-        decisions, (t, y, x, p), strobes = found["decisions"], found["events"].T, found["strobes"]
+        decisions, (t, y, x, p), asked = found["decisions"], found["events"].T, found["strobes"]
     stimulus = Stimulus.from_samples(config, np.zeros(signal.shape, np.int32))  # the model sees the decisions alone
-    expected = simulate(config, dataclasses.replace(stimulus, decisions=decisions))
+    stimulus = dataclasses.replace(stimulus, decisions=decisions)
     polarity = p if config.has_polarity else np.ones_like(p)
-    return Loop(make_events(t, y, x, polarity), expected, strobes)
+    expected = simulate(config, stimulus), strobes(config, stimulus)
+    return Loop(make_events(t, y, x, polarity), expected[0], asked, expected[1])

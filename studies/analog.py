@@ -8,6 +8,7 @@ import argparse
 import dataclasses
 import re
 import sys
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -18,11 +19,12 @@ from numpy.typing import NDArray
 
 from eskin.analog import characterise as measure
 from eskin.analog.circuit import FrontEnd, Taxel
-from eskin.analog.loop import different, play
+from eskin.analog.loop import play
 from eskin.base.errors import InputError
 from eskin.base.figures.style import PALETTE, dress, new_figure, save_figure
 from eskin.base.files import digest
 from eskin.base.workers.engine import Needs, version
+from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
 from eskin.skin.samples import content_of
 from eskin.skin.textures.dataset import open_dataset
@@ -45,13 +47,16 @@ TICKS = 200
 """Sample ticks of a loop."""
 
 REFERENCES = [-112, -64, -32, -8, -1, 0, 8, 32, 64, 112]
+ONE_SIDE = 6, 9
+"""Resolutions of a taxel with one side, N-LCS or a SAR."""
+
 SEED = 1
 NEEDS = Needs(("base", "model", "rtl", "skin", "cocotb_tests", "analog"), ("numpy", "scipy"))
 
 
 def comparator(front_end: FrontEnd) -> Data:
     """Return energy, offset, noise, delay, kick-back and linearity, and energy and delay at the corners."""
-    taxel, one_side = Taxel(front_end, CONFIG), Taxel(front_end, CONFIG.replace(encoding="nlcs"))
+    taxel = Taxel(front_end, CONFIG)
     store, key = work_of("analog", NEEDS), digest(front_end.to_dict())
     if front_end.comparator:
         measure.check(front_end)
@@ -61,7 +66,7 @@ def comparator(front_end: FrontEnd) -> Data:
         "delay": lambda: measure.delays(front_end),
         "kick_back": lambda: measure.kick_back(front_end, 1e-3, front_end.unit_f * taxel.units),
         "dac": lambda: measure.dac(taxel, period_s, REFERENCES),
-        "one_side": lambda: measure.dac(one_side, period_s, [16, 48, 64, 80, 112]),
+        **{f"one_side_{bits}b": partial(one_side, front_end, bits) for bits in ONE_SIDE},
         "own": lambda: {"offsets_v": measure.own_offsets(taxel)},
         "offset": lambda: measure.offset(front_end),
         "noise": lambda: measure.noise(front_end),
@@ -70,6 +75,13 @@ def comparator(front_end: FrontEnd) -> Data:
         found = pool.map(lambda name: store.of(f"{name} {key}", parts[name]), parts)
     origin = {"front_end": front_end.to_dict(), "config": CONFIG.to_dict()}
     return origin | dict(zip(parts, found, strict=True))
+
+
+def one_side(front_end: FrontEnd, bits: int) -> Data:
+    """Return linearity and energies of a taxel with one side, at references from an eighth of the scale on."""
+    config = CONFIG.replace(encoding="nlcs", sample_bits=bits + 2, resolution=bits)
+    references = [config.full_scale * eighths // 8 for eighths in (1, 3, 4, 5, 7)]
+    return measure.dac(Taxel(front_end, config), 1 / config.clock_hz, references)
 
 
 def loops(front_end: FrontEnd) -> Data:
@@ -110,12 +122,18 @@ def loop(name: str, config: ReadoutConfig, front_end: FrontEnd, signal: NDArray[
             "events": len(found.events),
             "different": found.different,
             "decisions": int(found.strobes.sum()),
-            "missed": {kind: different(found.events, one.events) / 2 for kind, one in behaved.items()},
+            "missed": {kind: missed(found.events, one.events, config) for kind, one in behaved.items()},
             "mismatch_v": mismatch_v.tolist(),
             "own_offsets_v": own_v,
         }
 
     return {"name": name} | store.of(f"{key} {digest(signal.tolist())}", played)
+
+
+def missed(one: Events, other: Events, config: ReadoutConfig) -> float:
+    """Return half the number of events that only one of two loops has in their tick."""
+    a, b = (Counter((t // config.clocks_per_sample, *rest) for t, *rest in events.tolist()) for events in (one, other))
+    return ((a - b) + (b - a)).total() / 2
 
 
 def touch(config: ReadoutConfig) -> NDArray[np.float64]:

@@ -10,10 +10,11 @@ from eskin.analog import ngspice
 from eskin.analog.characterise import varied
 from eskin.analog.circuit import PINS, FrontEnd, Taxel
 from eskin.analog.decision import compare, decide
-from eskin.analog.loop import different, play
+from eskin.analog.loop import play
 from eskin.analog.models import NMOS, kit, models, sizes
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
+from studies.analog import LOOPS, missed, touch
 
 try:
     MISSING = ngspice.missing() or str(kit() and "")
@@ -78,14 +79,15 @@ def test_a_decision_from_the_charge_is_that_of_the_whole_taxel() -> None:
 
 
 @needs_ngspice
-def test_transistors_and_verilog_give_the_events_of_the_model(tmp_path: Path) -> None:
-    signal = np.array([0.0, 2.4, 0.7, -2.2])[:, None]
-    found = play(LCS, FrontEnd(), signal, tmp_path)
-    assert len(found.events) > 4
-    assert found.different == 0
-    assert 4 + len(found.events) == found.strobes  # a decision a tick, and one after each event
-    behaved = play(LCS, FrontEnd(), signal, tmp_path, noise_v=0.0)
-    assert different(found.events, behaved.events) == 0
+@pytest.mark.parametrize("name", [name for name, config in LOOPS.items() if config.taxels == 1])
+def test_transistors_and_verilog_give_the_events_of_the_model(name: str, tmp_path: Path) -> None:
+    config = LOOPS[name].replace(clocks_per_sample=16)
+    signal = touch(config)[::10]
+    found = play(config, FrontEnd(), signal, tmp_path, gain=0.95)
+    assert len(found.events) > 20
+    assert found.happened == found.should_happen
+    behaved = play(config, FrontEnd(), signal, tmp_path, gain=0.95, noise_v=0.0)
+    assert missed(found.events, behaved.events, config) <= 0.05 * len(found.events)
 
 
 def test_an_offset_moves_the_events(tmp_path: Path) -> None:
