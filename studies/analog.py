@@ -22,7 +22,7 @@ from eskin.analog.circuit import FrontEnd, Taxel
 from eskin.analog.loop import play
 from eskin.base.errors import InputError
 from eskin.base.figures.style import PALETTE, dress, new_figure, save_figure
-from eskin.base.files import digest
+from eskin.base.files import digest, read_json
 from eskin.base.workers.engine import Needs, version
 from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
@@ -164,6 +164,21 @@ def draw(data: Data, path: Path) -> None:
     save_figure(figure, path)
 
 
+def summary(data: Data) -> list[str]:
+    """Return the most important results as lines of text."""
+    if "rows" in data:
+        words = "{name}: {events} events, {different} differences from the model; {missed[measured]:g} events are in "
+        words += "another tick with the behavioural comparator, {missed[ideal]:g} with an ideal one"
+        return [words.format(**row) for row in data["rows"]]
+    typical, offset = data["corners"]["rows"][0], data["offset"]
+    return [
+        f"decision: {1e12 * typical['same_j']:.3f} pJ, {1e9 * typical['delay_s']:.2f} ns at 1 mV",
+        f"offset: {1e3 * offset['systematic_v']:.2f} mV; by mismatch, deviation {1e3 * offset['sigma_v']:.2f} mV",
+        f"noise: {1e3 * data['noise']['sigma_v']:.2f} mV",
+        f"kick-back: {1e3 * data['kick_back']['peak_v']:.0f} mV; DAC: gain {data['dac']['gain']:.3f}",
+    ]
+
+
 def netlist_of(path: Path) -> str:
     """Return a netlist as text without continuation lines, and never empty: the default is this project's."""
     text = content_of(path, "the netlist").decode(errors="replace")
@@ -190,6 +205,8 @@ def main() -> None:
             results.append(Result("analog/scan", partial(scan, front_end), long=known))
         for result in results:
             for path in result.make("analog", options.out):
+                if path.suffix == ".json":
+                    print("\n".join(summary(read_json(path, "the data of the study", dict))))
                 print(f"wrote {path}")
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)

@@ -84,8 +84,8 @@ def test_transistors_and_verilog_give_the_events_of_the_model(name: str, tmp_pat
     config = LOOPS[name].replace(clocks_per_sample=16)
     signal = touch(config)[::10]
     found = play(config, FrontEnd(), signal, tmp_path, gain=0.95)
-    assert len(found.events) > 20
     assert found.happened == found.should_happen
+    assert len(found.events) > 20
     behaved = play(config, FrontEnd(), signal, tmp_path, gain=0.95, noise_v=0.0)
     assert missed(found.events, behaved.events, config) <= 0.05 * len(found.events)
 
