@@ -6,12 +6,21 @@ import numpy as np
 
 from docs.tables.netlists import netlists
 from docs.tables.power import array_hz, breakdown
-from docs.tables.write import Rows, digits, read
+from docs.tables.write import Rows, digits, only, read
 
 TAXELS, TICK_HZ, INTUITIVE_W = 64, 20_000, 12.33e-9
 SCAN = "kylberg", "paper"
 FRAME_HZ = 194
 """Samples per second and taxel of frames with the bandwidth of the textures, 97 Hz."""
+LOOPS = {
+    "lcs": "LCS, touch",
+    "cw-lcs": "CW-LCS, touch",
+    "nlcs": "N-LCS, touch",
+    "nlcs-bipolar": "bipolar N-LCS, touch",
+    "lcs 2 x 2": "2 x 2 LCS with mismatch, touch",
+    "lcs scan": "LCS, texture of 0.4 s",
+}
+FINGER_TAXELS, FINGER_FRAME_HZ = 16, 12.2
 
 
 def comparator_report() -> dict[str, Any]:
@@ -32,7 +41,7 @@ def analog_facts() -> Rows:
         "noise of the comparator; of the sampling, kT/C",
         f"{noise['sigma_v'] * 1e3:.2f} mV; {sample_noise_v * 1e3:.2f} mV",
     ]
-    yield ["kick-back on 0.26 pF: peak; difference that stays", _kick(kick)]
+    yield [f"kick-back on {kick['capacitor_f'] * 1e12:.2f} pF: peak; difference that stays", _kick(kick)]
     yield ["unit of the DAC; its gain", f"{dac['unit_v'] * dac['gain'] * 1e3:.2f} mV; {dac['gain']:.3f}"]
     yield ["INL: circuit; 99 % of DACs by mismatch", f"{dac['inl_units']:.2f}; {dac['inl_mismatch_units']:.2f} units"]
     yield ["leakage of a taxel", f"{typical['leakage_w'] * 1e9:.2f} nW"]
@@ -56,14 +65,23 @@ def analog_corners() -> Rows:
 def decision_j() -> tuple[float, float]:
     """Return the energy of a decision of a taxel at reference 0, and its mean over references from end to end."""
     dac = comparator_report()["dac"]
-    energies = np.array(dac["energies_j"])
+    return dac["energies_j"][dac["references"].index(0)], _mean_j("dac")
+
+
+def _mean_j(part: str) -> float:
+    dac = comparator_report()[part]
     grid = np.arange(dac["references"][0], dac["references"][-1] + 1)
-    return energies[dac["references"].index(0)], float(np.interp(grid, dac["references"], energies).mean())
+    return float(np.interp(grid, dac["references"], dac["energies_j"]).mean())
+
+
+def leakage_w() -> float:
+    """Return the leakage of comparators and DAC at the typical corner."""
+    return float(comparator_report()["corners"]["rows"][0]["leakage_w"])
 
 
 def idle_w(mean: bool = True) -> dict[str, float]:
     """Return the power of a taxel of LCS 6 b without events: digital part, and comparators with DAC."""
-    analog_w = decision_j()[mean] * TICK_HZ + comparator_report()["corners"]["rows"][0]["leakage_w"]
+    analog_w = decision_j()[mean] * TICK_HZ + leakage_w()
     return {"digital": netlists()["lcs-analog-8x8-ihp"]["idle_w_per_taxel"], "analog": analog_w}
 
 
@@ -79,31 +97,71 @@ def analog_targets() -> Rows:
 
 
 def analog_power() -> Rows:
-    """Yield the power of LCS 6 b and of frames, for a taxel of 64."""
-    rate_hz = array_hz(*SCAN, "lcs", 6) / TAXELS
-    report = netlists()["lcs-analog-8x8-ihp"]
-    decision = decision_j()[True]
-    idle, at_zero = idle_w(), idle_w(mean=False)
-    moving = report["energy_per_texture_event_j"] * rate_hz, decision * rate_hz
-    paper = breakdown()
-    parts = paper["lcs"]["converter_parts"]
-    equations_w = sum(parts[name] for name in ("comparator_static", "comparator_dynamic", "dac")) / TAXELS
-    one_side_j = float(np.mean(comparator_report()["one_side"]["energies_j"]))
-    frame_digital_w = breakdown("ihp")["frame"]["converter_parts"]["logic"] / TAXELS
+    """Yield the power of a taxel in an array of 64 with events and with frames, and with the events of the finger."""
+    lcs, nlcs = netlists()["lcs-analog-8x8-ihp"], netlists()["nlcs-analog-8x8-ihp"]
+    texture_hz, most_hz = array_hz(*SCAN, "lcs", 6) / TAXELS, lcs["clock_hz"] / TAXELS
+    at_zero, idle = idle_w(mean=False), idle_w()
 
-    def row(text: str, digital_w: float | None, analog_w: float | None, total_w: float) -> list[str]:
+    def row(text: str, digital_w: float | None, analog_w: float) -> list[str]:
         cells = ("" if watts is None else digits(watts * 1e9, 3) for watts in (digital_w, analog_w))
-        return [text, *cells, digits(total_w * 1e9, 3)]
+        return [text, *cells, digits(((digital_w or 0.0) + analog_w) * 1e9, 3)]
 
-    yield row("LCS, no events, reference at 0", at_zero["digital"], at_zero["analog"], sum(at_zero.values()))
-    yield row("LCS, no events, mean over references", idle["digital"], idle["analog"], sum(idle.values()))
-    both = [a + b for a, b in zip(idle.values(), moving, strict=True)]
-    yield row(f"LCS on the textures, {rate_hz:,.0f} events/s a taxel", *both, sum(both))
-    yield row(
-        "LCS on the textures, comparators and DAC by the paper's equations", both[0], equations_w, both[0] + equations_w
-    )
-    sar_w = 6 * one_side_j * FRAME_HZ
-    yield row(f"frames of {FRAME_HZ} Hz, SAR of 6 b", frame_digital_w, sar_w, frame_digital_w + sar_w)
-    fast_w = 6 * one_side_j * TICK_HZ
-    yield row("frames of 20 kHz, SAR of 6 b, without logic", None, fast_w, fast_w)
-    yield row("INTUITIVE, N-LCS and LCS, whole taxel", None, None, INTUITIVE_W)
+    def sends(text: str, rate_hz: float, event_j: float) -> list[str]:
+        text = f"{text}, {rate_hz:,.0f} events/s"
+        return row(text, idle["digital"] + event_j * rate_hz, idle["analog"] + decision_j()[True] * rate_hz)
+
+    yield row("LCS 6 b, no events, reference at 0", *at_zero.values())
+    yield row("LCS 6 b, no events, mean over references", *idle.values())
+    yield sends("alone: only this taxel", texture_hz, lcs["energy_per_lone_event_j"])
+    yield sends("textures: all taxels", texture_hz, lcs["energy_per_texture_event_j"])
+    yield sends("busy: an event in every clock", most_hz, lcs["energy_per_event_j"])
+    parts = breakdown()["lcs"]["converter_parts"]
+    equations_w = sum(parts[name] for name in ("comparator_static", "comparator_dynamic", "dac")) / TAXELS
+    digital_w = idle["digital"] + lcs["energy_per_texture_event_j"] * texture_hz
+    yield row("textures, comparators and DAC by the paper's equations", digital_w, equations_w)
+    yield sends("finger", finger_hz("lcs:6"), lcs["energy_per_lone_event_j"])
+    rate_hz = finger_hz("nlcs:4")
+    asked_hz = TICK_HZ * (1 + 1 / nlcs["configuration"]["leak_period"]) + rate_hz
+    digital_w = nlcs["idle_w_per_taxel"] + nlcs["energy_per_lone_event_j"] * rate_hz
+    text = f"finger, N-LCS 4 b with circuits of 6 b, {rate_hz:,.0f} events/s"
+    yield row(text, digital_w, _mean_j("one_side_6b") * asked_hz + leakage_w())
+    yield row(f"frames of {FRAME_HZ} Hz, SAR of 6 b", *frame_w(FRAME_HZ, 6))
+    yield row(f"finger, frames of {FINGER_FRAME_HZ} Hz, SAR of 9 b", *frame_w(FINGER_FRAME_HZ, 9))
+    yield row("frames of 20 kHz, SAR of 6 b, without logic", None, frame_w(TICK_HZ, 6)[1])
+    yield ["INTUITIVE, N-LCS and LCS, whole taxel", "", "", digits(INTUITIVE_W * 1e9, 3)]
+
+
+def finger_hz(name: str) -> float:
+    """Return the events/s of a taxel on the recordings of the finger that keep the level."""
+    points = read("docs/data/finger.json")["level"]["points"]
+    return float(only(points, point=name)["events_per_s"]) / FINGER_TAXELS
+
+
+def frame_w(rate_hz: float, bits: int) -> tuple[float, float]:
+    """Return the power of a taxel read by frames: digital part, and a SAR of the same comparator and DAC."""
+    report = netlists()["frame-8x8-ihp"]
+    digital_w = report["idle_w_per_taxel"] + report["energy_per_event_j"] * rate_hz
+    return digital_w, bits * _mean_j(f"one_side_{bits}b") * rate_hz
+
+
+def analog_answer() -> dict[str, float]:
+    """Return the power of LCS and frames on the textures, and the frame rate that needs the power of resting LCS."""
+    idle = idle_w()
+    fixed, sample = sum(frame_w(0.0, 6)), sum(frame_w(1.0, 6)) - sum(frame_w(0.0, 6))
+    return idle | {
+        "frames": sum(frame_w(FRAME_HZ, 6)),
+        "rest": sum(idle.values()),
+        "hz": (sum(idle.values()) - fixed) / sample,
+    }
+
+
+def analog_loops() -> Rows:
+    """Yield the loops of transistors and Verilog: a touch for each encoder, and a scan."""
+    for name in ("loops", "scan"):
+        for row in read(f"docs/data/analog/{name}.json")["rows"]:
+            yield row | {"text": LOOPS[row["name"]]}
+
+
+def worst_missed() -> float:
+    """Return the largest share of events that the behavioural comparator puts into another tick."""
+    return float(max(row["missed"]["measured"] / row["events"] for row in analog_loops()))

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from eskin.analog import ngspice
-from eskin.analog.characterise import varied
+from eskin.analog.characterise import check, subcircuit, varied
 from eskin.analog.circuit import PINS, FrontEnd, Taxel
 from eskin.analog.decision import compare, decide
 from eskin.analog.loop import play
 from eskin.analog.models import NMOS, kit, models, sizes
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
-from studies.analog import LOOPS, missed, touch
+from studies.analog import LOOPS, missed, netlist_of, touch
 
 try:
     MISSING = ngspice.missing() or str(kit() and "")
@@ -63,6 +63,32 @@ def test_every_transistor_of_a_comparator_has_mismatch(size: str) -> None:
 def test_a_comparator_needs_an_end() -> None:
     with pytest.raises(InputError, match=r"must have a line '\.ends' after '\.subckt comparator'"):
         varied(f".subckt comparator {' '.join(PINS)}", "other", np.random.default_rng(1))
+
+
+@needs_ngspice
+@pytest.mark.parametrize(
+    ("part", "other", "sentence"),
+    [
+        ("xn inp t", "xn inn t", "outp must be high if inp is 0.1 V above inn.*outp is low"),
+        ("w=4u", "w=", "a transistor needs a model, then w and l, .* not: Minp xn inp t"),
+        ("vdd vss nor", "vdd vss nand", "ngspice cannot simulate the circuit: Error: unknown subckt"),
+        ("Mtail t clk vss vss", "Mtail t clk vss", "Error on line: .* not enough nodes"),
+    ],
+)
+def test_a_wrong_comparator_is_refused(part: str, other: str, sentence: str) -> None:
+    netlist = "\n".join(subcircuit(FrontEnd().cells))
+    assert part in netlist
+    with pytest.raises(InputError, match=sentence):
+        check(FrontEnd(comparator=netlist.replace(part, other)))
+
+
+def test_the_study_reads_a_netlist(tmp_path: Path) -> None:
+    netlist = tmp_path / "mine.sp"
+    netlist.write_bytes(b"")
+    with pytest.raises(InputError, match="must have a line"):
+        FrontEnd(comparator=netlist_of(netlist)).circuit()
+    netlist.write_bytes(b"M1 d g s b\r\n + model \xff")
+    assert netlist_of(netlist) == "M1 d g s b  model \N{REPLACEMENT CHARACTER}"
 
 
 @needs_ngspice
