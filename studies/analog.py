@@ -191,20 +191,22 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=OUT, metavar="DIR", help=f"folder for data and figures [{OUT}]")
     parser.add_argument("--comparator", type=Path, metavar="FILE", help="netlist of another comparator")
     parser.add_argument("--loops", action="store_true", help="play a touch with the Verilog of each encoder; minutes")
-    parser.add_argument("--scan", action="store_true", help="play a texture of 0.4 s with the Verilog of LCS; an hour")
+    parser.add_argument(
+        "--scan", action="store_true", help="play a texture of 0.4 s with the Verilog of LCS; 10 minutes"
+    )
     options = parser.parse_args()
     try:
         front_end = FrontEnd()
         if options.comparator is not None:
             front_end = dataclasses.replace(front_end, comparator=netlist_of(options.comparator))
         known = options.comparator is None  # else the data of another comparator may be there
-        results = [Result("analog/comparator", partial(comparator, front_end), draw, long=known)]
+        results = {"analog": Result("analog/comparator", partial(comparator, front_end), draw, long=known)}
         if options.loops:
-            results.append(Result("analog/loops", partial(loops, front_end), long=known))
+            results["analog --loops"] = Result("analog/loops", partial(loops, front_end), long=known)
         if options.scan:
-            results.append(Result("analog/scan", partial(scan, front_end), long=known))
-        for result in results:
-            for path in result.make("analog", options.out):
+            results["analog --scan"] = Result("analog/scan", partial(scan, front_end), long=known)
+        for command, result in results.items():
+            for path in result.make(command, options.out):
                 if path.suffix == ".json":
                     print("\n".join(summary(read_json(path, "the data of the study", dict))))
                 print(f"wrote {path}")

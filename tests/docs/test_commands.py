@@ -69,7 +69,7 @@ PROGRAM = re.compile(r"(make|eskin|fusesoc|(\.venv/bin/)?python(?= -m | \S+\.py\
 """Beginning of a command that a page prints."""
 
 OPTIONS = {
-    "studies": {"--out", "--workers", "--scheduler", "--comparator", "--loops"},
+    "studies": {"--out", "--workers", "--scheduler", "--comparator", "--loops", "--scan"},
     "docs": {"--again", "--check"},
     "tests": set(),
     "pip": {"--no-deps", "-c"},
