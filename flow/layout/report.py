@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from eskin.base.files import make_folder, origin, write_json
+from eskin.base.units import counted
 from eskin.cocotb_tests.runner.reproduce import variables
 from eskin.flow.layout import cells
 from eskin.flow.layout.checks import Comparison, Electrical, Rules
@@ -70,7 +71,7 @@ class Report:
             parts.append(f"{last.tree.buffers} clock buffers")
             parts.append(f"antennas at most {100 * found.antenna_share:.0f} % of the limit")
             if found.inputs:
-                parts.append(f"{len(found.inputs)} inputs need a diode outside")
+                parts.append(f"diodes needed outside at {counted(len(found.inputs), 'input')}")
             parts.append(f"metals at most {100 * max(found.density.values()):.0f} % dense")
             parts.append(f"wires at most {found.largest_ohm:.0f} ohm")
         if self.comparison:

@@ -157,7 +157,7 @@ def test_the_closing_line_and_the_problems() -> None:
     whole = made_of(Try(0.3, "", 18.2, 18.2, CLEAN, TREE, CALM))
     assert whole.closing_line() == (
         "layout: toy, 8 cells, 18 x 18 um, 0 violations, 5 clock buffers, antennas at most 50 % of the limit, "
-        "1 inputs need a diode outside, metals at most 16 % dense, wires at most 460 ohm, netlist not compared"
+        "diodes needed outside at 1 input, metals at most 16 % dense, wires at most 460 ohm, netlist not compared"
     )
     bad = made_of(Try(0.3, "", 18.2, 18.2, CLEAN), comparison=Comparison(False, 47, 82, 8, ("a / B",)), proved=4)
     assert bad.problems == [
