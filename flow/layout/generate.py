@@ -21,6 +21,9 @@ from pdkmaster.io.klayout import FileExporter as ToKLayout
 GRID_UM, HEIGHT_UM, WELL_UM, RAIL_UM, GATE_UM = 0.76, 6.08, 2.94, 0.95, 0.84
 """Grid, height of the cells (eight of it; the stock 5.60 is no multiple), edge of the n-well, rails, narrowest gate."""
 
+M2_UM = ("u(0.37), u(0.26)", "u(0.32), u(0.26)")
+"""Exported and used width of wires in metal 2: side steps of the exported width are too near to the next track."""
+
 DIRECTIONS = {"vdd": "supply", "vss": "ground"} | dict.fromkeys(("q", "nq", "one", "zero"), "out")
 
 
@@ -54,7 +57,9 @@ def main() -> None:
     (folder / "techno").mkdir(parents=True, exist_ok=True)
     (folder / "techno" / "__init__.py").write_text("")
     (folder / "techno" / "techno.py").write_text(coriolis())
-    (folder / "techno" / "StdCellLib.py").write_text(coriolis(library, incl_cell=lambda cell: cell.name != "Gallery"))
+    text = coriolis(library, incl_cell=lambda cell: cell.name != "Gallery")
+    assert text.count(M2_UM[0]) == 1
+    (folder / "techno" / "StdCellLib.py").write_text(text.replace(*M2_UM))
     klayout = ToKLayout(
         tech=sky130.tech,
         export_name="sky130",

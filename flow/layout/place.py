@@ -16,7 +16,7 @@ sys.path.insert(0, sys.argv[1])
 from coriolis import CRL, Cfg
 from coriolis.helpers import overlay, u
 from coriolis.helpers.technology import setEnclosures
-from coriolis.Hurricane import Cell, DataBase, DbU, UpdateSession
+from coriolis.Hurricane import Cell, DataBase, DbU, Instance, Transformation, UpdateSession
 from techno import StdCellLib, techno
 
 TOP_LAYER = "m4"
@@ -27,8 +27,8 @@ PITCHES_UM = {"m1": 0.46, "m2": 0.51}
 """Tracks on which pins stand: of metal 1 at the west and east sides, of metal 2 at the others."""
 
 
-NO_DIODES_UM = 1e5
-"""Wires up to this length get no diode against what they collect while they are etched."""
+DIODES_UM, PROTECTED_UM = 60.0, 5000.0
+"""Longer wires get a diode, each for this length: 63 um of m3 are the largest antenna of the smallest gate."""
 
 STEPS = 4000000
 """Steps of the router before it gives up."""
@@ -42,6 +42,8 @@ LARGE_ENOUGH = ("m1", "m2")
 
 FILLERS = ("tie", "tie_w2", "tie_w4")
 """Cells that fill gaps: contacts of the wells without transistors, which the netlist does not contain."""
+DIODE, GRID_UM, HEIGHT_UM = "diode_w1", 0.76, 6.08
+"""Diode against antennas, which the netlist does not contain either; width of the narrowest filler, and row height."""
 
 SUPPLIES = ("vdd", "vss")
 
@@ -67,17 +69,41 @@ def um(length):
 
 
 def cells(cell):
-    """Return kind and wires of every instance but the fillers, by name."""
+    """Return kind and wires of every instance but fillers and diodes, by name."""
     found = {}
     for instance in cell.getInstances():
         kind = instance.getMasterCell().getName()
         plugs = [(plug.getMasterNet().getName(), plug.getNet()) for plug in instance.getPlugs()]
-        if kind not in FILLERS:
+        if kind not in (*FILLERS, DIODE):
             found[instance.getName()] = (
                 kind,
                 {pin: net.getName() for pin, net in plugs if net and pin not in SUPPLIES},
             )
     return found
+
+
+def fill_gaps(cell):
+    """Fill the gaps that the diodes leave in the rows, where the well would be broken."""
+    filler = next(i.getMasterCell() for i in cell.getInstances() if i.getMasterCell().getName() == FILLERS[0])
+    turned = (Transformation.Orientation.MY, Transformation.Orientation.R2)
+    rows = {}
+    for instance in cell.getInstances():
+        box = instance.getAbutmentBox()
+        rows.setdefault(box.getYMin(), []).append((box.getXMin(), box.getXMax(), instance))
+    UpdateSession.open()
+    for y, row in sorted(rows.items()):
+        upside_down = row[0][2].getTransformation().getOrientation() in turned
+        way = Transformation.Orientation.MY if upside_down else Transformation.Orientation.ID
+        end = cell.getAbutmentBox().getXMax()
+        at = cell.getAbutmentBox().getXMin()
+        for left, right in [*sorted((left, right) for left, right, _ in row), (end, end)]:
+            while at + u(GRID_UM) <= left:
+                new = Instance.create(cell, f"gap_{um(at)}_{um(y)}", filler)
+                new.setTransformation(Transformation(at, y + (u(HEIGHT_UM) if upside_down else 0), way))
+                new.setPlacementStatus(Instance.PlacementStatus.PLACED)
+                at += u(GRID_UM)
+            at = max(at, right)
+    UpdateSession.close()
 
 
 def main() -> None:
@@ -94,7 +120,8 @@ def main() -> None:
         cfg.misc.verboseLevel1 = False
         cfg.misc.verboseLevel2 = False
         cfg.etesian.feedNames = ",".join(FILLERS)
-        cfg.etesian.antennaGateMaxWL = u(NO_DIODES_UM)
+        cfg.etesian.antennaGateMaxWL = u(DIODES_UM)
+        cfg.etesian.antennaDiodeMaxWL = u(PROTECTED_UM)
         cfg.anabatic.topRoutingLayer = TOP_LAYER
         cfg.spares.buffer = CLOCK_BUFFER
         cfg.spares.maxSinks = SINKS
@@ -120,6 +147,7 @@ def main() -> None:
     conf.useHTree(CLOCK)
     block = Block(conf)
     routed = bool(block.doPnR())
+    fill_gaps(cell)
     UpdateSession.open()
     for net in cell.getNets():
         for pin in net.getPins():

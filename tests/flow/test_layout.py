@@ -133,7 +133,10 @@ def test_violations_are_read_and_no_rule_is_no_check(tmp_path: Path) -> None:
 
 
 def test_the_comparison_holds_ports_to_their_names() -> None:
-    deck = checks.comparing("flat\n\n# Resistors\nextract\n\nnetlist\n\nalign\nok = compare\n")
+    parts = "# Resistors\nextract\n\n# Diodes\nextract diodes\n\n# Transistors\nextract"
+    deck = checks.comparing(f"flat\n\n{parts}\n\nnetlist\n\nalign\nok = compare\n")
+    assert "diodes" not in deck
+    assert "# Transistors" in deck
     assert deck.index("connect(m1, names(68))") < deck.index("extract") < deck.index("same_nets!")
     with pytest.raises(Crashed, match="has another form"):
         checks.comparing("flat\nalign\n")
