@@ -154,7 +154,7 @@ def _replayed(runs: list[dict[str, Any]]) -> dict[str, Any]:
 
 def publish(folder: Path) -> None:
     """Copy the reports of a folder to the data of the documents, and rewrite their tables."""
-    for name, _ in REPORTS.values():
+    for name in ("signoff", *(name for name, _ in REPORTS.values())):
         if (path := folder / f"{name}.json").exists():
             shutil.copyfile(path, PUBLISHED / path.name)
     subprocess.run([sys.executable, "-m", "docs.tables"], cwd=ROOT, check=True)

@@ -19,6 +19,13 @@ def signoff() -> Rows:
     return rows(PUBLISHED)
 
 
+def signed_off() -> dict[str, Any]:
+    """Return the processor minutes of the last sign-off, of its longest step, and the name of this step."""
+    spent = {name: step["cpu_s"] / 60 for name, step in evidence("signoff/steps").items()}
+    longest = max(spent, key=lambda name: spent[name])
+    return {"minutes": sum(spent.values()), "longest": longest, "most": spent[longest]}
+
+
 def proof_mutants() -> dict[str, int]:
     """Return the number of generated mutants, and the number killed by a property."""
     failed = [failed for one in evidence("formal")["hunts"] for failed in one["mutants"].values()]
