@@ -208,6 +208,9 @@ class Classifier(Block[ClassifierConfig]):
             m.d.sync += self.row.eq((self.row + Mux(self.fires, 1, steps))[: len(self.row)])
         with m.Elif(self.working):
             m.d.sync += self.row.eq(0)
+        ends = self._of_group(m, [group.end - 1 for group in stack], "last_of_group")
+        with m.If(self.passes & (self.index == ends)):
+            m.d.sync += self.group.eq(Mux(last, 0, self.group + 1))
         done = (self.state == State.OUTPUTS) & (self.index == config.classes - 1) & ~self.clearing
         with m.If(done & (self.ended != len(stack) - 1)):
             m.d.sync += self.ended.eq(self.ended + 1)
@@ -215,7 +218,7 @@ class Classifier(Block[ClassifierConfig]):
         with m.If(self.working):
             m.d.sync += self.now_waits.eq(Mux(self.state == State.OUTPUTS, outputs_wait, self.ended < self.group))
         with m.If(self.scan_start):
-            m.d.sync += self.ended.eq(0)
+            m.d.sync += [self.group.eq(0), self.ended.eq(0)]
 
     def _of_group(self, m: Module, values: list[int], name: str) -> Value:
         """Return the constant of the group of the current neuron."""
@@ -302,10 +305,6 @@ class Classifier(Block[ClassifierConfig]):
                     self._next(m, last_neuron, State.OUTPUTS)
             with m.Default():  # OUTPUTS, and an unused state code, which ends as well
                 self._next(m, self.index == config.classes - 1, State.IDLE)
-        if config.layers:
-            behind = self._of_group(m, [group.end - 1 for group in config.stack], "last_of_group")
-            with m.If(self.passes & (self.index == behind)):
-                m.d.sync += self.group.eq(Mux(last_neuron, 0, self.group + 1))
         self._ring(m, advance)
         self._execute(m, fired)
         with m.If((self.state == State.OUTPUTS) & (self.index == config.classes - 1)):
@@ -319,8 +318,6 @@ class Classifier(Block[ClassifierConfig]):
             m.d.sync += self.stall_count.eq(stalls[:-1])
         with m.If(self.scan_start):
             m.d.sync += [self.state.eq(State.NEURONS), self.clearing.eq(1), self.index.eq(0), self.step.eq(0)]
-            if config.layers:
-                m.d.sync += self.group.eq(0)
             m.d.sync += [self.pending.eq(0), self.overrun.eq(0), self.stall_count.eq(0)]
 
     def _next(self, m: Module, last: Value, state: State) -> None:
