@@ -15,11 +15,13 @@ from eskin.rtl.classifier.memory import address_bits
 
 CLOCKS = 400
 CONFIG = network_of(5, 12, 3, 4, own_parameters=True)
-TOPS = {
-    "eskin_input_weights": CONFIG.input_words,
-    "eskin_recurrent_weights": CONFIG.recurrent_words,
-    "eskin_neuron_weights": CONFIG.neuron_words,
-    "eskin_neuron_parameters": CONFIG.parameter_words,
+DEEP = network_of(1, 60, 1, 1, layers=((0, 40, (0,)), (40, 60, (0, 1))))
+MEMORIES = {
+    "eskin_input_weights": (CONFIG, CONFIG.input_words),
+    "eskin_recurrent_weights": (CONFIG, CONFIG.recurrent_words),
+    "eskin_neuron_weights": (CONFIG, CONFIG.neuron_words),
+    "eskin_neuron_parameters": (CONFIG, CONFIG.parameter_words),
+    "eskin_recurrent_weights of two arrays": (DEEP, DEEP.recurrent_words),
 }
 
 
@@ -46,11 +48,13 @@ def test_an_address_has_as_many_bits_as_the_last_word_needs() -> None:
     assert [address_bits(words) for words in (1, 2, 3, 4, 5, 8, 9, 64, 65)] == [1, 1, 2, 2, 3, 3, 4, 6, 7]
 
 
-@pytest.mark.parametrize("top", TOPS)
-def test_memory_reads_what_was_written_when_it_is_told_and_nothing_during_a_write(top: str, tmp_path: Path) -> None:
-    def of_top(config: ClassifierConfig, rng: random.Random, counts: Counter[str]) -> Iterator[Step]:
-        return steps(TOPS[top], rng, counts)
+@pytest.mark.parametrize("name", MEMORIES)
+def test_memory_reads_what_was_written_when_it_is_told_and_nothing_during_a_write(name: str, tmp_path: Path) -> None:
+    config, words = MEMORIES[name]
 
-    counts = play_steps(CONFIG, "icarus", top, of_top, tmp_path, seed=4)
+    def of_words(_: ClassifierConfig, rng: random.Random, counts: Counter[str]) -> Iterator[Step]:
+        return steps(words, rng, counts)
+
+    counts = play_steps(config, "icarus", name.split()[0], of_words, tmp_path, seed=4)
     assert counts["checks"] > CLOCKS / 2
     assert counts["at one address"] > 20

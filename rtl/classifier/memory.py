@@ -1,8 +1,9 @@
 """Weight memories as separate modules: block RAM, or a placeholder for a memory macro."""
 
+from collections.abc import Callable
 from typing import Any
 
-from amaranth.hdl import Module, Signal, Value, signed, unsigned
+from amaranth.hdl import Module, Mux, Signal, Value, signed, unsigned
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
@@ -12,6 +13,10 @@ from eskin.rtl.block import Block
 WIDEST = 64
 """Largest number of bits in one array. Yosys maps one array of 4,096 x 128 bits to 30 block RAMs and 128 multiplexers,
 but two arrays of 4,096 x 64 bits to 32 block RAMs without multiplexers."""
+
+DEEPEST = 2048
+"""Words of ``WIDEST`` bits above which a depth between two powers of two costs tables: Yosys maps 3,072 words to three
+rows of block RAMs, and selects a row with two tables for each bit."""
 
 
 class WordMemory(Block[ClassifierConfig]):
@@ -40,24 +45,40 @@ class WordMemory(Block[ClassifierConfig]):
         """Condition under which a word is read."""
         return self.read_valid & ~self.write_valid
 
+    @property
+    def split(self) -> bool:
+        """True if the words behind the largest power of two have arrays of their own."""
+        return False
+
     def elaborate(self, platform: Any) -> Module:
         m = Module()
-        word = Signal.like(self.read_data, name="word", reset_less=True)
-        m.d.comb += self.read_data.eq(word)
+        if not self.split:
+            m.d.comb += self.read_data.eq(self._bank(m, self.words))
+            return m
+        first = 1 << len(self.read_address) - 1
+        lower = self._bank(m, first, "_lower", lambda address: ~address[-1])
+        upper = self._bank(m, self.words - first, "_upper", lambda address: address[-1])
+        m.d.comb += self.read_data.eq(lower | upper)
+        return m
+
+    def _bank(self, m: Module, words: int, name: str = "", here: Callable[[Value], Value] | None = None) -> Signal:
+        """Add arrays of words, and return the word that was read; 0 if its address is not ``here``."""
+        word = Signal.like(self.read_data, name=f"word{name}", reset_less=True)
+        bits = address_bits(words)
         for first in range(0, len(word), WIDEST):
             part = slice(first, min(first + WIDEST, len(word)))
-            memory = Memory(shape=unsigned(part.stop - first), depth=self.words, init=[])
-            m.submodules[f"memory_{first // WIDEST}" if len(word) > WIDEST else "memory"] = memory
+            memory = Memory(shape=unsigned(part.stop - first), depth=words, init=[])
+            m.submodules[f"memory{name}_{first // WIDEST}" if len(word) > WIDEST else f"memory{name}"] = memory
             read, write = memory.read_port(domain="comb"), memory.write_port()
             m.d.comb += [
-                read.addr.eq(self.read_address),
-                write.addr.eq(self.write_address),
+                read.addr.eq(self.read_address[:bits]),
+                write.addr.eq(self.write_address[:bits]),
                 write.data.eq(self.write_data[part]),
-                write.en.eq(self.write_valid),
+                write.en.eq(self.write_valid & here(self.write_address) if here else self.write_valid),
             ]
             with m.If(self.reads):
-                m.d.sync += word[part].eq(read.data)
-        return m
+                m.d.sync += word[part].eq(Mux(here(self.read_address), read.data, 0) if here else read.data)
+        return word
 
 
 class InputMemory(WordMemory):
@@ -76,6 +97,14 @@ class RecurrentMemory(WordMemory):
 
     def __init__(self, config: ClassifierConfig) -> None:
         super().__init__(config, config.recurrent_words, config.lanes * config.rec_bits)
+
+    @property
+    def split(self) -> bool:
+        """True for a stack with many words, whose number is no power of two.
+
+        An array whose word is not read gives 0. One table for each bit combines both words with the input weight.
+        """
+        return bool(self.config.layers) and self.words > DEEPEST and bool(self.words & (self.words - 1))
 
 
 class NeuronMemory(WordMemory):
