@@ -19,15 +19,16 @@ from eskin.model.classifier.run import simulate
 from eskin.model.config import ReadoutConfig
 
 
-def chip(rows: int, columns: int, channels: int, hidden: int, **own: Any) -> ChipConfig:
+def chip(rows: int, columns: int, channels: int, hidden: int, margin: int = 0, **own: Any) -> ChipConfig:
     """Return a chip with the slowest possible clock, so that bursts must wait."""
     readout = ReadoutConfig(rows=rows, columns=columns, resolution=6, clocks_per_sample=64, **own)
     fields: dict[str, Any] = {"threshold": 200, "out_threshold": 200, "floor": -200, "out_floor": -200, "lanes": 4}
-    network = ClassifierConfig(inputs=channels, hidden=hidden, classes=3, bin_s=0.0003, reset=readout.reset, **fields)
+    fields |= {"bin_s": 0.0003, "reset": readout.reset, "margin": margin}
+    network = ClassifierConfig(inputs=channels, hidden=hidden, classes=3, **fields)
     return ChipConfig(readout=readout, classifier=network)
 
 
-CHIPS = [chip(3, 5, 30, 20), chip(2, 4, 8, 24, encoding="nlcs", reset="async")]
+CHIPS = [chip(3, 5, 30, 20, margin=3), chip(2, 4, 8, 24, encoding="nlcs", reset="async")]
 
 SCANS = 12
 

@@ -17,13 +17,25 @@ def network_of(inputs: int, hidden: int, classes: int, lanes: int, **own: Any) -
 
 FIRING = {"floor": -300, "out_floor": -200}
 CONFIGS = [
-    network_of(5, 12, 3, 4, **FIRING),
+    network_of(5, 12, 3, 4, margin=3, **FIRING),
     network_of(1, 1, 1, 1, reset="async", threshold=30, out_threshold=20, **FIRING),
     network_of(2, 1, 3, 4, threshold=40, **FIRING),
     network_of(3, 9, 2, 1, neuron_reset="subtract", leak_shift=3, reset="async", **FIRING),
     network_of(7, 10, 6, 4, neuron_reset="subtract", floor=-50, membrane_bits=10, out_leak_shift=2),
     network_of(4, 16, 5, 2, in_bits=2, rec_bits=3, out_bits=5, in_shift=5, rec_shift=2, threshold=60, **FIRING),
-    network_of(16, 33, 4, 16, in_bits=4, rec_bits=8, in_shift=3, leak_shift=1, readout="membrane", out_leak_shift=4),
+    network_of(
+        16,
+        33,
+        4,
+        16,
+        in_bits=4,
+        rec_bits=8,
+        in_shift=3,
+        leak_shift=1,
+        readout="membrane",
+        out_leak_shift=4,
+        margin=600,
+    ),
     network_of(8, 20, 3, 8, membrane_bits=10, output_bits=9, evidence_bits=5, in_shift=3, rec_shift=6, out_shift=4),
     network_of(6, 8, 7, 8, bias_bits=16, bias_shift=2, out_bias_shift=3, membrane_bits=12, leak_shift=5, reset="async"),
     network_of(
@@ -50,7 +62,15 @@ STACKS = [
     network_of(5, 13, 3, 4, layers=((0, 5, ()), (5, 13, (0,))), **FIRING),
     network_of(4, 18, 2, 4, layers=((0, 6, (0,)), (6, 11, (0, 1)), (11, 18, (1, 2))), own_parameters=True, **FIRING),
     network_of(
-        6, 11, 3, 8, layers=((0, 4, ()), (4, 11, (0, 1))), synapse_shift=3, readout="membrane", membrane_bits=14
+        6,
+        11,
+        3,
+        8,
+        layers=((0, 4, ()), (4, 11, (0, 1))),
+        synapse_shift=3,
+        readout="membrane",
+        membrane_bits=14,
+        margin=1200,
     ),
 ]
 """Groups that begin within a word of weights: feed-forward, three recurrent groups, and synaptic currents."""
@@ -74,6 +94,8 @@ def test_rtl_equals_the_model_in_every_potential_class_and_clock(config: Classif
     assert counts["resets"] > 2
     assert counts["scan starts"] > 0
     assert config.classes == 1 or counts["classes"] > 3
+    assert bool(config.margin) == (counts["early decisions"] > 0)
+    assert counts["early decisions"] < counts["runs"]
     assert bool(counts["at an end"]) == config.saturates or config.hidden < 8
     assert all(counts[property_name] > 0 for property_name in (*PROPERTIES, "ClassHeldBetweenBins")), counts
 

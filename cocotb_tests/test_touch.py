@@ -29,6 +29,8 @@ def test_every_event_potential_and_class_of_a_scan_is_that_of_the_models(chip: C
     assert found["bins"] >= 5
     assert found["hidden_spikes"] > 5
     assert found["latency_clocks"] > chip.classifier.hidden
+    if chip.classifier.margin:
+        assert 1 < found["early"][0] < found["bins"]
 
 
 FAULTS = {

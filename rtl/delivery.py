@@ -173,6 +173,8 @@ CLASSIFIER_PORTS = PORTS_OF_ALL | {
     "scan_start": "forget potentials, spikes, evidence, overrun and stalls",
     "class_valid": "one clock: class and evidence of another bin are there",
     "class_index": "the class with the most evidence, the first among equals; held",
+    "class_sure": "rises with the class_valid of the first bin in which the most evidence exceeds all others by at "
+    "least {margin}; held until scan_start",
     "evidence": "of all classes, signed, {evidence_bits} bits each, class 0 in the least significant bits",
     "overrun": "a bin_end came while the work of the one before was not done; held until scan_start",
     "stall_count": "clocks in which an event waited since scan_start; stops at its end",

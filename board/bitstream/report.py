@@ -11,8 +11,12 @@ from eskin.model.classifier.config import ClassifierConfig, bits_of
 MAX_LUTS = 1600
 MAX_OWN_LUTS = 1700
 MAX_BLOCKS = {8: 49, 4: 25}
+MAX_STACK_BLOCKS = {8: 34}
 """Targets for the classifier 128-256-6: LUT4 without multipliers, with own parameters, and block RAMs by the bits of a
-weight; own parameters take one more."""
+weight, also of a stack with own parameters; without a stack, own parameters take one more."""
+
+MARGIN = 40
+"""Margin of an early decision, as a number of output spikes; its size does not change the resources."""
 
 
 @dataclass(frozen=True)
@@ -39,20 +43,24 @@ def clock_aim(built: Built) -> Aim:
     )
 
 
-def classifier_aims(built: Built, bits: int, own: bool = False) -> list[Aim]:
+def classifier_aims(built: Built, config: ClassifierConfig) -> list[Aim]:
     """Return the classifier's resources and their targets."""
+    own, bits = config.own_parameters, config.in_bits
     luts = MAX_OWN_LUTS if own else MAX_LUTS
     aims = [clock_aim(built), Aim("LUT4 (at most)", built.luts, luts, built.luts <= luts)]
-    if bits in MAX_BLOCKS:
-        most = MAX_BLOCKS[bits] + own
+    blocks = MAX_STACK_BLOCKS if config.layers else MAX_BLOCKS
+    if bits in blocks:
+        most = blocks[bits] + (own and not config.layers)
         aims.append(Aim("block RAMs (at most)", built.blocks, most, built.blocks <= most))
     return aims
 
 
-def plain_classifier(bits: int, own: bool = False) -> ClassifierConfig:
+def plain_classifier(bits: int, own: bool = False, stack: bool = False, early: bool = False) -> ClassifierConfig:
     """Return the configuration of a classifier 128-256-6 with a given weight width, as ``eskin quantise`` makes it.
 
-    ``own``: with a threshold and a leak for each neuron.
+    - ``own``: with a threshold and a leak for each neuron.
+    - ``stack``: the neurons are two recurrent layers of 128.
+    - ``early``: with an early decision.
     """
     shift = max(6 - bits, 0)  # the unit of the potential is finer than a coarse weight
     fields: dict[str, Any] = dict.fromkeys(("in_bits", "rec_bits", "out_bits"), bits)
@@ -60,7 +68,11 @@ def plain_classifier(bits: int, own: bool = False) -> ClassifierConfig:
     fields["own_parameters"] = own
     rough = ClassifierConfig(**fields, floor=-256, out_floor=-256, leak_shift=2, membrane_bits=32, output_bits=32)
     return rough.replace(
-        membrane_bits=rough.narrow_bits, output_bits=int(bits_of(rough.output_range)), evidence_bits=11
+        layers=((0, 128, (0,)), (128, 256, (0, 1))) if stack else (),
+        margin=MARGIN if early else 0,
+        membrane_bits=rough.narrow_bits,
+        output_bits=int(bits_of(rough.output_range)),
+        evidence_bits=11,
     )
 
 

@@ -28,7 +28,9 @@ from eskin.model.readout import Stimulus, simulate
 FACTOR, ADDED, MASK = 6364136223846793005, 1442695040888963407, 2**64 - 1
 """Constants of the weighted sums that the harness computes (``mixed`` in harness.v)."""
 
-OF_A_BIN = "clock, class, overrun, stalls, sum of hidden potentials and spikes, sum of outputs, evidence"
+OF_A_BIN = (
+    "clock, class, early decision, overrun, stalls, sum of hidden potentials and spikes, sum of outputs, evidence"
+)
 
 
 @dataclass(frozen=True)
@@ -98,8 +100,9 @@ class ChipScan:
         """Compare all outputs with the models, write them into the file, and return the totals.
 
         The totals have the class after the last complete bin; ``ideal``, the class without waiting events and with
-        exact bins; and the counts of the run. The file has events (``taken``, ``channel``), hidden ``spikes`` (bin,
-        neuron), clocks of the classes (``valid``) and their ``evidence``.
+        exact bins; with a margin ``early``, bin and class of the early decision; and the counts of the run. The file
+        has events (``taken``, ``channel``), hidden ``spikes`` (bin, neuron), clocks of the classes (``valid``) and
+        their ``evidence``.
         """
         stimulus, (whole, clocks) = self.stimulus, clocks_of(self.config, len(self.samples))
         run = ChipRun.read(self.config.classifier, folder, outcome.left)
@@ -118,10 +121,12 @@ class ChipScan:
             "clocks": clocks,
             "events": len(run.taken),
             "hidden_spikes": len(run.spikes),
-            "stalls": last[3],
-            "overruns": last[2],
+            "stalls": last[4],
+            "overruns": last[3],
             "latency_clocks": max(model.latencies),
         }
+        if self.config.classifier.margin:
+            found["early"] = next(([bin_, line[1]] for bin_, line in enumerate(run.classes, 1) if line[2]), None)
         recorded = {"taken": run.taken, "channel": run.channel, "spikes": run.spikes}
         recorded["valid"] = np.array([line[0] for line in run.classes])
         recorded["evidence"] = np.array([line[-1] for line in run.classes])
@@ -175,7 +180,8 @@ def hold(
     for clock, found in zip(model.valid, model.bins, strict=True):
         if clock < stimulus.clocks:
             sums = [mixed(found.potential, found.spikes), mixed(found.output, found.output_spikes)]
-            lines.append([clock, found.winner, int(clock > late), int(waits[clock]), *sums, found.evidence.tolist()])
+            flags = [int(found.sure), int(clock > late), int(waits[clock])]
+            lines.append([clock, found.winner, *flags, *sums, found.evidence.tolist()])
     _same(f"bin ({OF_A_BIN})", lines, run.classes, repeat_command)
     return model
 

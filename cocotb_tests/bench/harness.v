@@ -29,9 +29,9 @@
 //
 // With CHIP the readout has its classifier behind it. weights.hex and neurons.hex are written into its memories while
 // the reset holds. Events are in events.txt then, a line each: the clock from which the event was offered, the clock in
-// which it was taken, and its channel; classes.txt has one for every bin: clock, class, overrun, stalls, sums over all potentials and
-// spikes of the hidden and of the output neurons (`mixed`), evidence in hexadecimal; spikes.txt one for every hidden
-// spike: bin and neuron.
+// which it was taken, and its channel; classes.txt has one for every bin: clock, class, class_sure (0 without the port),
+// overrun, stalls, sums over all potentials and spikes of the hidden and of the output neurons (`mixed`), evidence in
+// hexadecimal; spikes.txt one for every hidden spike: bin and neuron.
 
 `timescale 1ns / 1ns
 
@@ -294,6 +294,11 @@ module harness;
 `else
   wire output_spike = 0;
 `endif
+`ifdef MARGIN
+  wire class_sure;
+`else
+  wire class_sure = 0;
+`endif
   wire [CHANNEL_BITS-1:0] event_channel;
   wire [CLASS_BITS-1:0] class_index;
   wire [EVIDENCE_BITS-1:0] evidence;
@@ -392,6 +397,9 @@ module harness;
       .event_channel(event_channel),
       .class_valid(class_valid),
       .class_index(class_index),
+`ifdef MARGIN
+      .class_sure(class_sure),
+`endif
       .evidence(evidence),
       .overrun(overrun),
       .stall_count(stall_count),
@@ -664,8 +672,8 @@ module harness;
       if (hidden_valid && hidden_spike) $fwrite(spike_file, "%0d %0d\n", bin_count, hidden_index);
       if (output_valid) output_sum <= mixed(output_sum, output_potential, output_spike);
       if (class_valid) begin
-        $fwrite(class_file, "%0d %0d %0d %0d %0d %0d %h\n", cycle, class_index, overrun, stall_count, hidden_sum,
-                output_sum, evidence);
+        $fwrite(class_file, "%0d %0d %0d %0d %0d %0d %0d %h\n", cycle, class_index, class_sure, overrun, stall_count,
+                hidden_sum, output_sum, evidence);
         bin_count <= bin_count + 1;
         hidden_sum <= 0;
         output_sum <= 0;

@@ -93,6 +93,8 @@ class ClassifierBench:
             if block.read(f"{port}_valid"):
                 potential, spike = block.read_signed(f"{port}_potential"), block.read(f"{port}_spike")
                 seen[name].append((block.read(f"{port}_index"), potential, spike))
+        if self.config.margin:
+            seen["SureFromItsBin"].append(block.read("class_sure"))
         winner, classes = block.read("class_index"), seen["ClassAndEvidence"]
         if block.read("class_valid"):
             evidence = signed_words(block.read("evidence"), self.config.classes, self.config.evidence_bits)
@@ -109,6 +111,7 @@ class ClassifierBench:
         happened["hidden spikes"] = sum(spike for *_, spike in hidden)
         happened["output spikes"] = sum(spike for *_, spike in seen["EveryOutput"])
         happened["classes"] = len({winner for _, winner, _ in seen["ClassAndEvidence"]})
+        happened["early decisions"] = any(seen["SureFromItsBin"])
         happened["at an end"] = sum(potential in ends for _, potential, _ in hidden)
         counts.update(happened, runs=1)
 
@@ -120,6 +123,7 @@ PROPERTIES = (
     "ClassAndEvidence",
     "EveryPotential",
     "EveryOutput",
+    "SureFromItsBin",
 )
 
 
@@ -140,7 +144,9 @@ def expected_of(config: ClassifierConfig, stimulus: Stimulus, run: ClassifierRun
     )
     classes = [(valid, one.winner, one.evidence.tolist()) for valid, one in zip(run.valid, run.bins, strict=True)]
     overrun = [int(clock > late) for clock in range(stimulus.clocks)]
-    values = (run.accepted, overrun, stalls(stimulus, run), classes[:done], potentials, outputs)
+    sure = min((valid for valid, one in zip(run.valid, run.bins, strict=True) if one.sure), default=stimulus.clocks)
+    early = [int(clock >= sure) for clock in range(stimulus.clocks)] if config.margin else []
+    values = (run.accepted, overrun, stalls(stimulus, run), classes[:done], potentials, outputs, early)
     return dict(zip(PROPERTIES, values, strict=True)), done
 
 

@@ -68,6 +68,7 @@ class Network:
     outputs: list[Neuron]
     evidence_bits: int  # of the evidence, which stops at their ends
     groups: Sequence[int]  # number of the group of each hidden neuron; the outputs read the last group
+    margin: int = 0  # an early decision needs so much more evidence than any other class; 0: there is none
 
     def __post_init__(self) -> None:
         self.restart()
@@ -78,6 +79,7 @@ class Network:
             neuron.restart()
         self.fired: list[int] = []
         self.evidence = [0] * len(self.outputs)
+        self.sure = False
         self.bins = 0
 
     def end_bin(self, neuron: Neuron, group: int) -> tuple[int, bool]:
@@ -109,4 +111,7 @@ class Network:
             gain = int(fires) if self.outputs[c].fires else potential
             self.evidence[c] = limited(self.evidence[c] + gain, self.evidence_bits)
         best = self.evidence.index(max(self.evidence))
+        others = [evidence for c, evidence in enumerate(self.evidence) if c != best]
+        if self.margin and all(evidence + self.margin <= self.evidence[best] for evidence in others):
+            self.sure = True
         return best, list(self.evidence), [v for v, _ in ends], list(self.fired), [v for v, _ in out_ends]

@@ -356,7 +356,8 @@ def shape(config: Config) -> tuple[dict[str, str], dict[str, int]]:
     if isinstance(config, ChipConfig):
         defines, widths = shape(config.readout)
         network = config.classifier
-        defines |= {"CHIP": "1"} | ({"OUTPUT_SPIKES": "1"} if network.readout == "spikes" else {})
+        has = {"OUTPUT_SPIKES": network.readout == "spikes", "MARGIN": network.margin}
+        defines |= {"CHIP": "1"} | {macro: "1" for macro, given in has.items() if given}
         widths |= {parameter: len(getattr(Classifier(network), port)) for parameter, port in CHIP_WIDTHS.items()}
         words = {"WEIGHT_WORDS": network.weight_words, "NEURON_WORDS": network.neuron_words}
         return defines, widths | words | {"CLOCKS_PER_BIN": network.clocks_per_bin}

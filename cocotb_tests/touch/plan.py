@@ -304,9 +304,20 @@ def summarise(plan: Plan) -> dict[str, Any]:
         "float_known": sum(said["float"] is not None for said in known),
         "as_ideal_bins": sum(said["class"] == said["ideal"] for said in there),
         "latency_clocks": max((said["latency_clocks"] for said in there), default=0),
+        **(_early(known) if chip.classifier.margin else {}),
         "answers": {
             name: {key: None if said[key] is None else names[said[key]] for key in ("true", "class", "float")}
             for name, said in found.items()
             if said
         },
+    }
+
+
+def _early(known: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the results of early decisions, for the last bin and its class where none was made."""
+    decisions = [(said, *(said["early"] or (said["bins"], said["class"]))) for said in known]
+    return {
+        "right_early": sum(found == said["true"] for said, _, found in decisions),
+        "decided": sum(said["early"] is not None for said in known),
+        "early_share": sum(at / said["bins"] for said, at, _ in decisions) / max(len(decisions), 1),
     }

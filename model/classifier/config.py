@@ -122,6 +122,9 @@ class ClassifierConfig(Configuration):
     own_parameters: bool = parameter(
         False, "", CLASSIFIER, "each neuron has a threshold and a leak of its own, loaded at run time"
     )
+    margin: int = parameter(
+        0, "", CLASSIFIER, "evidence by which a class must exceed all others for an early decision; 0: no class_sure"
+    )
     reset: Reset = parameter("sync", "", CLASSIFIER, "reset style of the flops")
 
     def __post_init__(self) -> None:
@@ -131,7 +134,7 @@ class ClassifierConfig(Configuration):
         ranges |= {"lanes": (1, 64), "clocks_per_bin": (1, 2**30), "bias_bits": (2, 16)}
         ranges |= dict.fromkeys(("in_bits", "rec_bits", "out_bits"), (2, 8))
         ranges |= dict.fromkeys(("membrane_bits", "output_bits", "evidence_bits"), (4, MAX_BITS))
-        ranges |= dict.fromkeys(SHIFTS, (0, 16))
+        ranges |= dict.fromkeys(SHIFTS, (0, 16)) | {"margin": (0, 2**MAX_BITS - 1)}
         for name, (low, high) in ranges.items():
             self._check_range(name, low, high)
         for name in LEAKS:
@@ -146,6 +149,12 @@ class ClassifierConfig(Configuration):
                 raise InputError(
                     f"with own parameters, {name} must be a shift of at most {MAX_OWN_SHIFT}, not {factor} / 2**{shift}"
                 )
+        if self.margin >= 2**self.evidence_bits:
+            raise InputError(
+                f"margin must be below 2**{self.evidence_bits}, the range of the evidence, not {self.margin}"
+            )
+        if self.margin and self.classes < 2:
+            raise InputError("an early decision needs two classes; leave margin out")
         if self.lanes & (self.lanes - 1):
             raise InputError(f"lanes must be a power of two, not {self.lanes}")
         if not (math.isfinite(self.bin_s) and self.bin_s > 0):
@@ -397,7 +406,7 @@ SHIFTS = ("in_shift", "rec_shift", "bias_shift", "out_shift", "out_bias_shift", 
 
 
 OPTIONAL: dict[str, Any] = {f"{name}_factor": 1 for name in LEAKS}
-OPTIONAL |= {"synapse_shift": 0, "out_synapse_shift": 0, "own_parameters": False, "layers": ()}
+OPTIONAL |= {"synapse_shift": 0, "out_synapse_shift": 0, "own_parameters": False, "layers": (), "margin": 0}
 """Fields with their defaults; a file contains a field only if its value is not the default."""
 
 

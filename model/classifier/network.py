@@ -6,7 +6,7 @@ This is the golden model of ``rtl/classifier``, without lanes and words.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -40,6 +40,7 @@ class Bin(NamedTuple):
     output_spikes: Whole  # shape (classes,); membrane outputs never spike
     evidence: Whole  # since the scan began, shape (classes,)
     winner: int  # the class: the first output with the most evidence
+    sure: bool  # an early decision: the evidence has exceeded all others by the margin in this or an earlier bin
 
 
 def _arrays(config: ClassifierConfig) -> dict[str, tuple[tuple[int, ...], int]]:
@@ -175,26 +176,31 @@ class IntegerNetwork:
         return dataclasses.replace(self, config=self.config.replace(**changes))
 
     def run_counts(self, counts: NDArray[Any]) -> tuple[Whole, float]:
-        """Return the evidence of all bins of several scans, and the mean spikes per bin and neuron.
+        """Return the evidence of all bins of several scans, and the mean spikes per bin and neuron; see ``run_bins``.
+
+        ``counts`` has the shape (scans, bins, inputs), the evidence (scans, classes).
+        """
+        state, fired, bins = State(self, len(counts)), 0, 0
+        for state in self.run_bins(counts):
+            fired, bins = fired + int(state.spikes.sum()), bins + 1
+        return state.evidence, fired / max(len(counts) * bins * self.config.hidden, 1)
+
+    def run_bins(self, counts: NDArray[Any]) -> Iterator[State]:
+        """Yield the state of several scans after each bin; ``counts`` has the shape (scans, bins, inputs).
 
         A stack computes ``delay_bins`` more bins without events, until its outputs have counted the last bin. Events of
         a bin count in rising order of their channel. The order only matters if a potential saturates.
-
-        ``counts`` has the shape (scans, bins, inputs), the evidence (scans, classes).
         """
         if counts.ndim != 3 or counts.shape[2] != self.config.inputs:
             raise InputError(
                 f"the network has {self.config.inputs} input channels, but the scans have {counts.shape[-1]}"
             )
         later = np.zeros((len(counts), self.config.delay_bins, counts.shape[2]), counts.dtype)
-        counts = np.concatenate([counts, later], 1)
         state = State(self, len(counts))
-        fired = 0
-        for number in range(counts.shape[1]):
-            state.add_counts(counts[:, number])
+        for of_bin in np.concatenate([counts, later], 1).swapaxes(0, 1):
+            state.add_counts(of_bin)
             state.end_bin()
-            fired += int(state.spikes.sum())
-        return state.evidence, fired / max(counts.shape[0] * counts.shape[1] * self.config.hidden, 1)
+            yield state
 
 
 class State:
@@ -206,7 +212,8 @@ class State:
 
     ``v``, shape (scans, hidden), are potentials or synaptic currents; with a current, ``rest`` are the potentials after
     the previous bin, leaked. ``spikes`` are those of the previous bin. ``output`` and ``output_rest``, shape (scans,
-    classes), are like v and rest, and ``evidence`` has their shape.
+    classes), are like v and rest, and ``evidence`` has their shape. ``sure``, shape (scans,), is true from the early
+    decision of a scan on.
 
     In a stack, group k rests for k bins, and the outputs for ``delay_bins``: until the first bin has come through the
     groups before them.
@@ -224,6 +231,7 @@ class State:
         self.spikes, self.rest = np.zeros_like(self.v), np.zeros_like(self.v)
         self.output = _sum(np.zeros((scans, config.classes), np.int64), self._out_bias, config.output_bits)
         self.evidence, self.output_rest = np.zeros_like(self.output), np.zeros_like(self.output)
+        self.sure = np.zeros(scans, np.bool_)
         self._group, self._ended = group_of(config), 0
 
     def add_events(self, channels: Sequence[int]) -> None:
@@ -271,12 +279,21 @@ class State:
         self.output_rest = _rest(output, fired, network.out_threshold, config.neuron_reset, *leak)
         self.output = _sum(_leak(v, *synapse) if synapse.shift else self.output_rest, self._out_bias, out_bits)
         self.evidence = _sum(self.evidence, gained, evidence_bits)
+        if config.margin:
+            self.sure |= lead(self.evidence) >= config.margin
         return potential, self.spikes, output, fired
 
     def end_single_bin(self) -> Bin:
         """End a bin of one scan."""
         potential, spikes, output, fired = (values[0] for values in self.end_bin())
-        return Bin(potential, spikes, output, fired, self.evidence[0], int(self.evidence[0].argmax()))
+        evidence = self.evidence[0]
+        return Bin(potential, spikes, output, fired, evidence, int(evidence.argmax()), bool(self.sure[0]))
+
+
+def lead(evidence: Whole) -> Whole:
+    """Return how far the most evidence exceeds all others; shapes (..., classes), at least 2, and (...)."""
+    second, first = np.moveaxis(np.partition(evidence, -2, -1)[..., -2:], -1, 0)
+    return first - second
 
 
 def _sum(v: Whole, added: Whole, bits: int) -> Whole:

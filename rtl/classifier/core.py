@@ -70,6 +70,7 @@ class Classifier(Block[ClassifierConfig]):
                 "scan_start": In(1),
                 "class_valid": Out(1),
                 "class_index": Out(config.class_bits),
+                "class_sure": Out(1) if config.margin else None,
                 "evidence": Out(config.classes * config.evidence_bits),
                 "overrun": Out(1),
                 "stall_count": Out(STALL_BITS),
@@ -529,6 +530,8 @@ class Classifier(Block[ClassifierConfig]):
             self.class_index.eq(self.class_found),
             self.class_valid.eq(self.class_ready),
         ]
+        if config.margin:
+            self._margin(m, evidence, most, better)
         m.d.sync += self.class_ready.eq(self.now_output & self.now_last & ~self.now_clears & ~self.scan_start)
         with m.If(self.now_output):
             m.d.sync += self.evidence_ring.eq(Cat(self.evidence_ring[bits:], evidence))
@@ -538,3 +541,26 @@ class Classifier(Block[ClassifierConfig]):
                 m.d.sync += self.class_found.eq(Mux(better, self.now_index[: config.class_bits], best))
         with m.If(self.scan_start):
             m.d.sync += self.evidence_ring.eq(0)
+
+    def _margin(self, m: Module, evidence: Value, most: Value, better: Value) -> None:
+        """Raise ``class_sure`` when the most evidence exceeds all others by the margin.
+
+        A class with more evidence than those before needs the margin to the largest of them. A class with less needs
+        the margin too, and so must all since the largest.
+        """
+        bits = self.config.evidence_bits
+        apart = Signal()
+        leads = Signal()
+        far = Signal()
+        ahead = Signal(signed(bits + 1))
+        m.d.comb += [
+            ahead.eq(evidence - most),
+            far.eq(Mux(ahead[-1], ahead <= -self.config.margin, ahead >= self.config.margin)),
+            leads.eq((self.now_index == 0) | (far & (better | apart))),
+        ]
+        with m.If(self.now_output):
+            m.d.sync += apart.eq(leads)
+            with m.If(self.now_last & leads & ~self.now_clears):
+                m.d.sync += self.class_sure.eq(1)
+        with m.If(self.scan_start):
+            m.d.sync += self.class_sure.eq(0)

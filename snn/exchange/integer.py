@@ -55,6 +55,8 @@ class Precision:
     """Bits of the potentials; None for as many as they can ever need."""
     lanes: int = 16
     clock_hz: float = 50e6
+    margin: int = 0
+    """Evidence by which a class must exceed all others for an early decision; 0 for none."""
     narrow: bool = False
     """Without ``membrane_bits``: let hidden potentials saturate as in ``ClassifierConfig.narrow_bits``."""
 
@@ -156,7 +158,7 @@ def _with_widths(made: IntegerNetwork, precision: Precision) -> IntegerNetwork:
     if precision.membrane_bits is None and precision.narrow:
         changes["membrane_bits"] = config.narrow_bits
     per_bin = int(min(bits_of(made.output_ends), 22)) if made.config.readout == "membrane" else 1
-    config = config.replace(**changes, evidence_bits=per_bin + 10)
+    config = config.replace(**changes, evidence_bits=per_bin + 10, margin=precision.margin)
     return replace(made, config=config)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.model.classifier.file import IntegerWeights
-from eskin.model.classifier.network import IntegerNetwork
+from eskin.model.classifier.network import IntegerNetwork, lead
 from eskin.model.events.compare import first_difference
 from eskin.model.events.recording import Recording
 from eskin.model.readout import Stimulus, simulate
@@ -269,8 +269,42 @@ def integer_classes(
     return np.concatenate(rows).argmax(1)
 
 
+def early_decisions(
+    network: IntegerNetwork, data: ScanData, images: Sequence[int] | NDArray[np.int64], margins: Sequence[int]
+) -> list[dict[str, Any]]:
+    """Return the result of early decisions at each margin, on the first scan of each image.
+
+    A result has the ``margin``, the numbers of ``images``, of ``right`` classes, and of scans ``decided`` before their
+    end, and the ``mean_s`` and ``median_s`` seconds until the decision. Scans without a decision count with their
+    length and last class.
+    """
+    labels = data.image_labels[images]
+    right, decided = np.zeros((2, len(margins), len(labels)), np.bool_)
+    seconds = np.zeros((len(margins), len(labels)))
+    for image, scan in enumerate(data.first_scans(images)):
+        bins = network.run_bins(data.values[[scan], : data.steps_of(scan)])
+        evidence = np.concatenate([state.evidence for state in bins])
+        for number, margin in enumerate(margins):
+            sure = lead(evidence) >= margin
+            decided[number, image] = sure.any()
+            at = sure.argmax() if sure.any() else len(evidence) - 1
+            right[number, image] = evidence[at].argmax() == labels[image]
+            seconds[number, image] = (at + 1) * data.step_s
+    return [
+        {
+            "margin": margin,
+            "right": int(right[number].sum()),
+            "images": len(labels),
+            "decided": int(decided[number].sum()),
+            "mean_s": float(seconds[number].mean()),
+            "median_s": float(np.median(seconds[number])),
+        }
+        for number, margin in enumerate(margins)
+    ]
+
+
 def compare_integer(weights_file: Path, made: IntegerWeights) -> str:
-    """Return a sentence with the accuracies of float and integer network on the test images.
+    """Return a sentence with the accuracies of float and integer network on the test images, and of early decisions.
 
     Raise InputError if no result of the training is beside the weights, or the training used frames.
     """
@@ -285,7 +319,14 @@ def compare_integer(weights_file: Path, made: IntegerWeights) -> str:
     labels = data.image_labels[images]
     right = int((predicted_classes(weights.network, data, images) == labels).sum())
     whole = int((integer_classes(made.network, data, images) == labels).sum())
-    return f"test images of the fold: float {right} of {len(labels)} right, integer {whole} of {len(labels)}"
+    said = f"test images of the fold: float {right} of {len(labels)} right, integer {whole} of {len(labels)}"
+    if margin := made.network.config.margin:
+        (early,) = early_decisions(made.network, data, images, [margin])
+        said += (
+            f"\nearly decision: {early['right']} right after {early['mean_s']:.3g} s on average, "
+            f"{early['decided']} of {early['images']} by the margin"
+        )
+    return said
 
 
 def predictions(

@@ -12,7 +12,7 @@ from eskin.app.commands.signals.recordings import FINGER
 from eskin.model.classifier.file import IntegerWeights
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.scans import load_recordings
-from eskin.snn.experiments.evaluate import integer_classes
+from eskin.snn.experiments.evaluate import early_decisions, integer_classes
 from tests.conftest import Call, command
 
 LAST = re.compile(r"touch to class: (\d+) recordings, (\d+) events, 0 mismatches, (\d+) right")
@@ -45,21 +45,29 @@ def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(call: Call, f
     assert "no integer network in out was trained on recordings; run eskin train --data new" in err
     out = done("predict out/train/weights.npz --data new")
     assert out.count("(class: not known)") == 6
-    out = done("quantise --accuracy")
+    out = done("quantise --accuracy --margin 20000")
     assert f"float {result['right']} of 12 right, integer " in out
+    assert re.search(r"early decision: \d+ right after \S+ s on average, \d+ of 12 by the margin", out)
     out = done("touch --data finger --limit 2")
     assert "network: out/train/whole.npz, trained on finger" in out
     line = LAST.fullmatch(out.splitlines()[-1])
     assert line is not None
     assert int(line[2]) > 1000
-    answers = json.loads(Path("out/touch/finger/summary.json").read_text())["answers"]
+    summary = json.loads(Path("out/touch/finger/summary.json").read_text())
+    answers = summary["answers"]
     data = load_recordings(Path(result["experiment"]["events"]), BinConfig(**result["experiment"]["bins"]))
     assert sorted({data.steps_of(scan) for scan in range(24)}) == [141, 142, 176, 177], (
         "the recordings have unequal lengths"
     )
     images = [data.names.index(name) for name in answers]
     assert [name.endswith("_1") for name in answers] == [True, True], "learned recordings are left out"
-    whole = integer_classes(IntegerWeights.load(Path("out/train/whole.npz")).network, data, images)
+    network = IntegerWeights.load(Path("out/train/whole.npz")).network
+    whole = integer_classes(network, data, images)
+    (early,) = early_decisions(network, data, images, [network.config.margin])
+    assert early["decided"] == summary["decided"] > 0
+    assert early["right"] == summary["right_early"]
+    assert 0 < summary["early_share"] < 1
+    assert f"early decisions: {early['right']} of 2 right after " in out
     assert [answer["class"] for answer in answers.values()] == [data.class_names[found] for found in whole]
     assert [f"{name}: {answer['class']}, " in out for name, answer in answers.items()] == [True, True]
     out = done("touch --data new --limit 1")

@@ -83,7 +83,11 @@ def test_the_classifier_alone_has_potentials_of_32_thresholds() -> None:
 
 
 def test_a_report_says_what_was_found_and_aimed_at(tmp_path: Path) -> None:
-    aims = report.classifier_aims(BUILT, 4)
+    stack = report.plain_classifier(8, own=True, stack=True, early=True)
+    assert [len(stack.layers), stack.own_parameters, stack.margin > 0] == [2, True, True]
+    assert [aim.wanted for aim in report.classifier_aims(BUILT, stack)] == [50, 1700, 34]
+    assert report.classifier_aims(BUILT, report.plain_classifier(8, own=True))[2].wanted == 50
+    aims = report.classifier_aims(BUILT, report.plain_classifier(4))
     assert [aim.met for aim in aims] == [True, False, True]
     assert str(aims[1]) == "LUT4 (at most): 2000, aimed at 1600: MISSED"
     said = json.loads(report.write(tmp_path, "ulx3s", BUILT, {"design": "player"}, aims).read_text())

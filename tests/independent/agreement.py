@@ -190,4 +190,5 @@ def network_of(first: IntegerNetwork) -> Network:
             (first.w_out, config.out_shift),
         )
     )
-    return Network(w_in, w_rec, w_out, hidden, outputs, config.evidence_bits, group_of(config).tolist())
+    groups = group_of(config).tolist()
+    return Network(w_in, w_rec, w_out, hidden, outputs, config.evidence_bits, groups, config.margin)

@@ -134,14 +134,15 @@ def network_draw(rng: np.random.Generator) -> IntegerNetwork:
         leaks |= {"synapse_shift": 0, "synapse_factor": 1, "out_synapse_shift": 0, "out_synapse_factor": 1}
     stacks = ([], [[0, 4, []], [4, 12, [0]]], [[0, 3, [0]], [3, 5, [0, 1]], [5, 12, [1]]])
     layers = stacks[rng.integers(len(stacks))]
+    classes = one(1, 2, 6)
     config = ClassifierConfig(
         inputs=one(1, 3, 8), hidden=12 if layers else one(1, 5, 12), layers=layers,
-        classes=one(1, 2, 6), in_bits=one(2, 4, 8), rec_bits=one(2, 4, 8),
+        classes=classes, in_bits=one(2, 4, 8), rec_bits=one(2, 4, 8),
         out_bits=one(2, 4, 8), bias_bits=one(2, 9), in_shift=one(0, 2), rec_shift=one(0, 3), bias_shift=one(0, 1),
         out_shift=one(0, 2), out_bias_shift=one(0, 1), membrane_bits=one(7, 9, 20), output_bits=one(7, 9, 20),
         evidence_bits=one(4, 8, 24), threshold=one(1, 20, 60), out_threshold=one(1, 20, 60), floor=one(None, 0, -30),
         out_floor=one(None, 0, -30), neuron_reset=reset, readout=one("spikes", "membrane"),
-        own_parameters=own, **leaks,
+        own_parameters=own, margin=one(0, 1, 3, 15) if classes > 1 else 0, **leaks,
     )  # fmt: skip
 
     def weights(bits: int, *shape: int) -> Any:
@@ -165,3 +166,4 @@ def test_classifiers_have_the_same_potentials_spikes_evidence_and_class(holdout:
             assert outputs == of_first.output.tolist(), (seed, first.config)
             assert evidence == of_first.evidence.tolist(), seed
             assert winner == of_first.winner, seed
+            assert second.sure == of_first.sure, seed

@@ -11,7 +11,7 @@ from eskin.base.errors import InputError
 from eskin.model.classifier.config import ClassifierConfig, Leak, bits_of, ends, highest, lowest
 from eskin.model.classifier.file import ARRAYS, PARAMETERS, IntegerWeights, neuron_image, weight_image, write_images
 from eskin.model.classifier.file import network_of as network_from_images
-from eskin.model.classifier.network import IntegerNetwork, State
+from eskin.model.classifier.network import IntegerNetwork, State, lead
 from eskin.model.classifier.run import first_ready, simulate, work_clocks
 
 
@@ -105,6 +105,18 @@ def test_a_threshold_and_a_leak_belong_to_one_neuron() -> None:
         dataclasses.replace(made, threshold=made.threshold * 0 + 256)
     with pytest.raises(InputError, match=r"^out_leak must be in 0\.\.0 without own parameters, not 1$"):
         dataclasses.replace(network(), out_leak=np.array([0, 1, 0]))
+
+
+def test_an_early_decision_needs_the_whole_margin_and_stays() -> None:
+    assert lead(np.array([[3, 9, 5], [-2, -7, -2], [4, 4, 1]])).tolist() == [4, 0, 0]
+    plain = network(3, readout="membrane", evidence_bits=20)
+    counts = np.random.default_rng(5).poisson(1.0, (1, 40, plain.config.inputs))
+    ahead = [int(lead(state.evidence)[0]) for state in plain.run_bins(counts)]
+    margin = max(ahead[:20])
+    assert min(ahead[ahead.index(margin) :]) < margin, "the lead shrinks after the decision"
+    early = dataclasses.replace(plain, config=plain.config.replace(margin=margin))
+    sure = [bool(state.sure[0]) for state in early.run_bins(counts)]
+    assert sure == [bin_ >= ahead.index(margin) for bin_ in range(40)]
 
 
 def test_one_group_that_reads_itself_is_a_network_without_layers() -> None:
@@ -255,6 +267,8 @@ def test_images_hold_every_weight_at_its_address(tmp_path: Path) -> None:
             "the groups that read group 0 must be neighbours, not [1, 3]".replace("[", r"\["),
         ),
         ({"neuron_reset": "delayed", "synapse_shift": 1}, "a delayed reset needs neurons without a synaptic current"),
+        ({"margin": 2**24}, r"margin must be below 2\*\*24, the range of the evidence, not 16777216"),
+        ({"margin": 1, "classes": 1}, "an early decision needs two classes; leave margin out"),
         ({"bin_s": 0}, "bin_s must be a positive number of seconds, not 0"),
         ({"shade": 2, "colour": 1}, "unknown classifier field 'colour'"),
     ],

@@ -115,6 +115,7 @@ def quantise(
         None, "bits of a hidden potential [32 thresholds; no floor, or synaptic currents: all values]"
     ),
     lanes: int = opt(16, "weights added per clock"),
+    margin: int = opt(0, "N", "lead of the evidence for an early decision, a port of the hardware [none]", min=0),
     clock: float | None = opt(
         None, "HZ", "clock frequency of the hardware [50e6; own recordings: the lowest that suffices]"
     ),
@@ -142,6 +143,7 @@ def quantise(
         threshold_bits=threshold_bits,
         membrane_bits=membrane_bits,
         lanes=lanes,
+        margin=margin,
         clock_hz=50e6 if clock is None else clock,
         narrow=True,
     )

@@ -44,6 +44,7 @@ def layout(
     needs="fpga",
     idle={
         "--alone": "--board --baud --adc --settle",
+        "no --alone": "--own --stack --early",
         "--receiver": "--adc",
         "no --adc": "--settle",
     },
@@ -56,6 +57,8 @@ def fpga(
         None, "BITS", "build only the classifier 128-256-6 with weights of BITS, on an ECP5-25", min=2, max=8
     ),
     own: bool = opt(False, "--own", "with --alone: each neuron has a threshold and a leak of its own"),
+    stack: bool = opt(False, "--stack", "with --alone: the neurons are two recurrent layers of 128"),
+    early: bool = opt(False, "--early", "with --alone: with an early decision"),
     adc: str | None = opt(None, "PART", "read a skin at the board: mcp3008, mcp3208 or ads7953"),
     settle: float = opt(5e-6, "SECONDS", "from a row's drive to its first column"),
     baud: int = opt(2_000_000, "bits per second of the serial line"),
@@ -72,9 +75,15 @@ def fpga(
     if sum((receiver, weights is not None, alone is not None)) > 1:
         raise InputError("--weights, --receiver and --alone each choose a design; give one of them")
     if alone is not None:
-        name, built = f"classifier-{alone}b{'-own' * own}", build_classifier(report.plain_classifier(alone, own))
-        said = {"design": "classifier"} | origin(common.make_line("fpga", ALONE=alone, OWN=own))
-        aims = report.classifier_aims(built, alone, own)
+        classifier = report.plain_classifier(alone, own, stack, early)
+        name, built = (
+            f"classifier-{alone}b{'-own' * own}{'-stack' * stack}{'-early' * early}",
+            build_classifier(classifier),
+        )
+        said = {"design": "classifier"} | origin(
+            common.make_line("fpga", ALONE=alone, OWN=own, STACK=stack, EARLY=early)
+        )
+        aims = report.classifier_aims(built, classifier)
     else:
         sensor = SensorConfig(part=cast(PartName, adc), settle_s=settle) if adc else None
         config = design_of(weights, receiver, board, baud, sensor)

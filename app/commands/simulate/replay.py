@@ -167,6 +167,11 @@ def _conclude_touch(plan: TouchPlan, now: dict[str, Any], noun: str) -> None:
     picture = draw(plan, summary, plan.folder / "touch.png")
     if summary["float_known"]:
         print(f"float network: {summary['right_float']} of {summary['float_known']} right")
+    if "right_early" in summary:
+        print(
+            f"early decisions: {summary['right_early']} of {summary['labelled']} right after "
+            f"{summary['early_share']:.0%} of the bins on average; {summary['decided']} reached the margin"
+        )
     print(
         f"the classifier stalled the readout in {summary['stalls'] / summary['clocks']:.1%} of the clocks, which "
         f"changed {summary['images'] - summary['as_ideal_bins']} classes; {summary['overruns']} scans with an overrun; "
