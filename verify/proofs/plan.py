@@ -74,7 +74,8 @@ class Proof:
                 return f"{c.rows} rows, {c.leak_period} ticks{' at most' * (c.registers != 'none')}"
             case "classifier":
                 ends = ", saturates" * c.saturates + ", currents" * bool(c.synapse_shift)
-                ends += ", own parameters" * c.own_parameters
+                ends += ", own parameters" * c.own_parameters + ", delayed" * (c.neuron_reset == "delayed")
+                ends += f", {len(c.stack)} layers" * bool(c.layers) + f", margin {c.margin}" * bool(c.margin)
                 return f"{c.inputs}-{c.hidden}-{c.classes}, {c.lanes} lanes, {c.readout}{ends}"
             case "fields":
                 return f"{array} {c.receptive_fields if isinstance(c.receptive_fields, str) else 'lists'}"
@@ -248,7 +249,7 @@ def relays() -> list[Proof]:
 
 
 def classifiers() -> list[Proof]:
-    """Return the proofs of the classifier: small networks with and without leak and floor."""
+    """Return the proofs of the classifier: small networks with each kind of neuron, stacks, and an early decision."""
     fields = dict.fromkeys(("inputs", "hidden", "classes", "lanes", "threshold", "out_threshold"), 1)
     fields |= dict.fromkeys(("in_bits", "rec_bits", "out_bits", "bias_bits", "clocks_per_bin"), 2)
     fields |= {"membrane_bits": 5, "output_bits": 4, "evidence_bits": 4, "floor": 0, "out_floor": 0}
@@ -259,10 +260,16 @@ def classifiers() -> list[Proof]:
     leaks = {"leak_shift": 2, "leak_factor": 3, "synapse_shift": 1, "out_leak_shift": 1, "out_synapse_shift": 1}
     synaptic = few.replace(**leaks)
     own = few.replace(own_parameters=True, classes=2, out_threshold=2, membrane_bits=6)
+    delayed = few.replace(neuron_reset="delayed", own_parameters=True)
+    leaking = {"neuron_reset": "delayed", "leak_shift": 1, "out_leak_shift": 1, "floor": None, "out_floor": None}
+    stack = few.replace(hidden=2, lanes=2, layers=((0, 1, (0,)), (1, 2, (0, 1))))
+    synaptic_stack = stack.replace(**leaks, lanes=1, layers=((0, 1, ()), (1, 2, (0,))))
+    sure = few.replace(classes=3, readout="membrane", out_leak_shift=1, margin=2)
     coarse = {"in_bits": 4, "in_shift": 1, "out_bits": 4, "out_shift": 1}  # a weight has more bits than a potential
     return [
         Proof(ScheduleChecker, few, 32, True, True),  # an event may wait 25 clocks
         *(Proof(ScheduleChecker, config, 24) for config in (more, other)),
+        Proof(ScheduleChecker, more.replace(hidden=4, lanes=1, layers=((0, 2, ()), (2, 4, (0, 1)))), 44),
         Proof(SumsChecker, few, 16, True, True),
         Proof(SumsChecker, few.replace(classes=2), 18, False, True),
         Proof(SumsChecker, few.replace(clocks_per_bin=8, membrane_bits=4), 16),
@@ -270,6 +277,11 @@ def classifiers() -> list[Proof]:
         Proof(SumsChecker, synaptic.replace(**coarse, clocks_per_bin=8, membrane_bits=4, readout="membrane"), 16),
         Proof(SumsChecker, own, 20),
         Proof(SumsChecker, own.replace(neuron_reset="subtract", hidden=2, classes=1), 20),
+        Proof(SumsChecker, delayed, 20),
+        Proof(SumsChecker, few.replace(**leaking, membrane_bits=7, output_bits=6), 18),
+        Proof(SumsChecker, stack, 30, False, True),
+        Proof(SumsChecker, synaptic_stack, 28),
+        Proof(SumsChecker, sure, 20, False, True),
         Proof(SumsChecker, few.replace(hidden=2, lanes=2), 18),
         Proof(SumsChecker, few.replace(hidden=3, lanes=2), 26),
     ]

@@ -13,7 +13,7 @@ from amaranth.lib.wiring import In
 from eskin.model.classifier.config import OWN_SHIFT_BITS, ClassifierConfig, Leak, highest, lowest
 from eskin.rtl.classifier.core import STALL_BITS, Classifier, State
 from eskin.rtl.classifier.memory import address_bits
-from eskin.verify.proofs.checker import Checker, Promises, before, implies
+from eskin.verify.proofs.checker import Checker, Promises, before, implies, pick
 
 SPARE_BITS = 3
 """Additional bits of the sums in a checker, so that the checker sees an overflow of the classifier."""
@@ -31,7 +31,7 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
     """Common checker of the classifier; the words of the memories are free in every clock.
 
     ``watch`` is any row of weights, for good; below ``hidden`` also the neuron of that number. ``rival`` is any class,
-    for good; its lowest bits also number a word of a row.
+    for good; its lowest bits also number a word of potentials.
     """
 
     block = Classifier
@@ -42,10 +42,10 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
     }
 
     def constants(self, config: ClassifierConfig) -> dict[str, int]:
-        return {"watch": config.hidden + config.inputs, "rival": max(config.classes, config.groups)}
+        return {"watch": config.hidden + config.inputs, "rival": max(config.classes, config.lane_words)}
 
     def inner(self, config: ClassifierConfig) -> dict[str, Any]:
-        return {
+        return dict.fromkeys(("fires",) if config.layers else (), In(1)) | {
             "inputs_read_address": In(address_bits(config.input_words)),
             "inputs_read_data": In(config.lanes * config.in_bits),
             "recurrent_read_address": In(address_bits(config.recurrent_words)),
@@ -76,24 +76,57 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         self.left = Signal(range(clears + 1), init=clears)
         m.d.sync += self.left.eq(Mux(self.scan_start, clears, self.left - (self.left != 0)))
         self.recurrent = self.lane_0_recurrent
-        event_row = before(m, self.inputs_read_address, "event_row") + config.recurrent_words
-        self.read = Mux(self.recurrent, before(m, self.recurrent_read_address, "spike_row"), event_row)
+        self.source, self.added_word = self._row(m)
         compared = before(m, (self.state == State.NEURONS.value) & ~self.scan_start, "neuron_read")
         self.sets = before(m, compared & ~self.scan_start, "neuron_compared")
         word = before(m, self.neurons_read_address, "word_read")
         self.word, self.number = word, word[: config.neuron_row_bits]
-        self.spike = before(m, (self.state == State.SPIKES.value) & self.spikes[0] & ~self.scan_start, "spike")
+        fires = self.fires if config.layers else self.spikes[0]
+        self.spike = before(m, (self.state == State.SPIKES.value) & fires & ~self.scan_start, "spike")
         self.clears = before(m, (self.left != 0) & (self.left <= config.classes) & ~self.scan_start, "clears")
         self.output = self.output_valid | self.clears
         turns = self.spike | self.output
         self.turn = Signal(range(max(config.classes, 2)))
         self.keep(m, self.turn, self.scan_start, turns, Mux(self.turn == config.classes - 1, 0, self.turn + 1))
 
+    def _row(self, m: Module) -> tuple[Value, Value]:
+        """Return the row whose word is added, events behind the hidden neurons, and the word of potentials it changes.
+
+        In a stack, the rows of recurrent weights follow each other, and begin at the first word that they change.
+        """
+        config = self.config
+        event, spike = before(m, self.inputs_read_address, "event_row"), before(m, self.recurrent_read_address, "spike")
+        if not config.layers:
+            read = Mux(self.recurrent, spike, event + config.recurrent_words)
+            return read[config.row_bits :], read[: config.row_bits]
+        rows = [
+            (neuron, first + word)
+            for group, (first, words) in zip(config.stack, config.spans, strict=True)
+            for neuron in range(group.start, group.end)
+            for word in range(words)
+        ]
+        sources, places = (
+            pick(Array(Const(value, 8) for value in values), spike) for values in zip(*rows, strict=True)
+        )
+        source = Mux(self.recurrent, sources, (event >> config.row_bits) + config.hidden)
+        return source, Mux(self.recurrent, places, event[: config.row_bits])
+
+    def _exists(self, row: Value, word: Value) -> Value:
+        """Return whether a row has a word for the given word of potentials."""
+        config = self.config
+        found = (word < config.groups) & (row < config.hidden + config.inputs)
+        if not config.layers:
+            return found
+        found &= row >= config.hidden
+        for group, (first, words) in zip(config.stack, config.spans, strict=True):
+            found |= (row >= group.start) & (row < group.end) & (word >= first) & (word < first + words)
+        return found
+
     def _added(self, m: Module, neuron: Any, name: str) -> tuple[Value, Value, Signal, Signal]:
         """Return whether a neuron gets a weight, whether it is preset, and the rows and events added in this bin."""
         config = self.config
         place = config.lanes.bit_length() - 1
-        adds = self.lane_0_add_valid & (self.read[: config.row_bits] == neuron >> place)
+        adds = self.lane_0_add_valid & (self.added_word == neuron >> place)
         sets = self.sets & (self.hidden_index == neuron)
         rows = self._count(m, adds & self.recurrent, sets, config.hidden, f"rows_added{name}")
         events = self._count(m, adds & ~self.recurrent, sets, config.events_per_bin, f"events_added{name}")
@@ -125,9 +158,9 @@ class ScheduleChecker(_ClassifierChecker):
     def _rows(self, m: Module) -> Promises:
         """Track how often a watched word of weights must be added to the potentials."""
         config = self.config
-        group = self.rival[: config.row_bits]
-        real = (group < config.groups) & (self.watch < config.hidden + config.inputs)
-        adds = self.lane_0_add_valid & (self.read == Cat(group, self.watch)) & real
+        word = self.rival[: config.lane_bits]
+        real = self._exists(self.watch, word)
+        adds = self.lane_0_add_valid & (self.source == self.watch) & (self.added_word == word) & real
         arrives = self.taken & (self.port("event_channel") + config.hidden == self.watch) & real
         owed = Signal(3)
         self.keep(m, owed, self.scan_start, 1, Mux(self.compared, self.hidden_spike & real, owed + arrives - adds))
@@ -149,7 +182,8 @@ class ScheduleChecker(_ClassifierChecker):
         adds = self.spike & (self.word == address) & (self.watch < config.hidden)
         shown = self.output_valid & (self.output_index == self.rival)
         owed = Signal(name="output_owed")
-        due = self.compared & self.hidden_spike & (self.rival < config.classes)
+        read = self.watch >= config.stack[-1].start
+        due = self.compared & self.hidden_spike & (self.rival < config.classes) & read
         self.keep(m, owed, self.scan_start, self.compared | adds, due)
         yield "spike_counted", implies(adds, owed) & implies(shown, ~owed), adds
         ordered = implies(self.output, self.output_index == self.turn) & implies(self.spike, self.number == self.turn)
@@ -183,7 +217,7 @@ class ScheduleChecker(_ClassifierChecker):
         """Largest number of clocks from the end of a bin to its class."""
         config = self.config
         hidden, classes, groups = config.hidden, config.classes, config.groups
-        return groups + 1 + hidden * groups + hidden + 2 + hidden * classes + classes + 2
+        return groups + 1 + hidden * config.lane_words + hidden + 2 + hidden * classes + classes + 2
 
     def _waits(self, m: Module) -> Promises:
         """Count the clocks in which no event is taken."""
@@ -198,6 +232,8 @@ class ScheduleChecker(_ClassifierChecker):
 class SumsChecker(_ClassifierChecker):
     """Checker of sums: a reference adder beside the classifier."""
 
+    only: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"sure_by_the_margin": lambda config: config.margin}
+
     def inner(self, config: ClassifierConfig) -> dict[str, Any]:
         found = super().inner(config) | {"most": In(signed(config.evidence_bits)), "best": In(config.class_bits)}
         if config.synapse_shift:
@@ -207,6 +243,8 @@ class SumsChecker(_ClassifierChecker):
             found |= dict.fromkeys(("potentials_read_address", "potentials_write_address"), In(address))
         if config.out_synapse_shift:
             found["rest_ring"] = In(config.classes * config.output_bits)
+        if config.margin:
+            found["apart"] = In(1)
         if config.own_parameters:
             found |= {"held_threshold": In(config.threshold_bits), "held_leak": In(OWN_SHIFT_BITS)}
             found |= {"parameters_read_data": In(config.parameter_bits), "parameters_read_valid": In(1)}
@@ -227,6 +265,7 @@ class SumsChecker(_ClassifierChecker):
         fitted = Signal(init=1)
         self.fits = now & fitted
         m.d.sync += fitted.eq(self.fits)
+        self.ended = self.count_to(m, config.delay_bins, self.scan_start, self.class_valid, name="ended")
         yield from self._neurons(m, added)
         evidence = yield from self._outputs(m, weights)
         yield from self._class(m, evidence)
@@ -247,9 +286,14 @@ class SumsChecker(_ClassifierChecker):
         rested = before(m, _leaked(self.potentials_read_data, arriving), "rested") if synapse.shift else None
         for number, (adds, sets, rows, events) in enumerate(added):
             total = Signal(signed(bits), name=f"potential_{number}")  # or the synaptic current, if there is one
+            group = next(place for place, group in enumerate(config.stack) if number < group.end)
             v, enough = (total, Const(1)) if rested is None else _limited(rested + total, bits, config.saturates)
-            held, spike, rest = self._fired(m, v, threshold, config.floor, config.neuron_reset, f"neuron_{number}")
-            left = _leaked(total, synapse) if synapse.shift else _leaked(rest, leak)
+            own: Value = total
+            if group:  # it rests until the first bin has come through the groups before it
+                v, own = Mux(self.ended < group, 0, v), Mux(self.ended < group, 0, total)
+            kept_after = Leak(0) if synapse.shift else leak  # the leak of a potential in memory follows when it is read
+            held, spike, rest = self._fired(m, v, threshold, config.floor, kept_after, f"neuron_{number}")
+            left = _leaked(own, synapse) if synapse.shift else rest
             of_event, of_spike = (
                 word.word_select(number % config.lanes, bits_of_one).as_signed()
                 for word, bits_of_one in (
@@ -331,14 +375,15 @@ class SumsChecker(_ClassifierChecker):
         for number, count in enumerate(weights):
             own = self.turn == number
             total = Signal(signed(bits), name=f"output_{number}")
-            v: Value = total
+            gathered: Value = Mux(self.ended < config.delay_bins, 0, total) if config.layers else total
+            v = gathered
             if synapse.shift:
                 rested = Signal(signed(bits), name=f"output_rest_{number}")
-                v, _ = _limited(rested + total, bits, config.output_saturates)
-            held, fired, rest = self._fired(m, v, threshold, floor, config.neuron_reset, f"output_{number}")
-            rest = stays = _leaked(rest, leak)
+                v, _ = _limited(rested + gathered, bits, config.output_saturates)
+            held, fired, rest = self._fired(m, v, threshold, floor, leak, f"output_{number}")
+            stays: Value = rest
             if synapse.shift:
-                stays = _leaked(total, synapse)
+                stays = _leaked(gathered, synapse)
                 self.keep(m, rested, self.scan_start, self.output & own, Mux(self.clears, 0, rest))
                 rested_there = self._in_turn(self.rest_ring, bits, number, passed) == rested
             exact = Signal(signed(bits + SPARE_BITS), name=f"output_sum_{number}")
@@ -400,17 +445,36 @@ class SumsChecker(_ClassifierChecker):
         good &= implies(passing, first(self.best, self.most, self.turn))
         changes = self.class_valid & (self.class_index == config.classes - 1)
         yield "first_of_most", implies(self.fits, good), changes
+        if config.margin:
+            yield from self._margin(m, evidence, passing)
+
+    def _margin(self, m: Module, evidence: list[Signal], passing: Signal) -> Promises:
+        """Check that an early decision comes with the first class far above all others, and stays."""
+
+        def leads(index: Value, passed: Any) -> Value:
+            most, good = Array(evidence)[index], Const(1)
+            for number, value in enumerate(evidence):
+                good &= (number == index) | (number >= passed) | (value + self.config.margin <= most)
+            return good
+
+        decided, sure = self.class_valid & leads(self.class_index, self.config.classes), Signal()
+        self.keep(m, sure, self.scan_start, decided, 1)
+        passes = implies(passing, self.apart == leads(self.best, self.turn))
+        good = (self.class_sure == sure | decided) & passes
+        yield "sure_by_the_margin", implies(self.fits, good), decided & ~sure
 
     def _fired(
-        self, m: Module, v: Value, threshold: Any, floor: int | None, reset: str, name: str
+        self, m: Module, v: Value, threshold: Any, floor: int | None, leak: Any, name: str
     ) -> tuple[Value, Value, Signal]:
-        """Return the clipped potential, its spike, and the potential after the reset."""
+        """Return the clipped potential, its spike, and the potential after reset and leak."""
+        reset = self.config.neuron_reset
         held = Signal(v.shape(), name=f"{name}_held")
         rest = Signal(v.shape(), name=f"{name}_rest")
         m.d.comb += held.eq(v if floor is None else Mux(v < floor, floor, v))
         spike: Value = held > threshold if threshold is not None else Const(0)
         less = 0 if threshold is None else threshold
-        m.d.comb += rest.eq(Mux(spike, held - less if reset == "subtract" else 0, held))
+        after = {"zero": Const(0), "subtract": _leaked(held - less, leak), "delayed": _leaked(held, leak) - less}[reset]
+        m.d.comb += rest.eq(Mux(spike, after, _leaked(held, leak)))
         return held, spike, rest
 
 
