@@ -79,6 +79,19 @@ def nlcs_claims() -> Rows:
         yield {"first": texts[a], "second": texts[b]} | claim._asdict()
 
 
+def early() -> Rows:
+    """Return the results of early decisions by margin, and of all bins."""
+    report = read(f"{TEXTURES}early.json")
+    return [row | {"text": f"{row['margin']:,}"} for row in report["margins"]] + [report["whole"] | {"text": "none"}]
+
+
+def early_values() -> dict[str, Any]:
+    """Return the fastest early decisions that are right as often as any, and the results of all bins."""
+    report = read(f"{TEXTURES}early.json")
+    best = max(report["margins"], key=lambda row: (row["right"], -row["mean_s"]))
+    return {"best": best, "fast": best["mean_s"], "whole": report["whole"]}
+
+
 def nir_networks() -> None:
     """Print the agreement of integer networks with float networks from other programs."""
     report = read(f"{TEXTURES}nir.json")
