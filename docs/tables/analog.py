@@ -90,7 +90,7 @@ def analog_targets() -> Rows:
     idle, event = sum(idle_w().values()), decision_j()[True]
     rows = (
         ("power without events, nW per taxel", 25, idle * 1e9),
-        ("energy of an event in comparators and DAC, pJ", 1, event * 1e12),
+        ("energy of an event on the textures, in comparators and DAC, pJ", 1, event * 1e12),
     )
     for text, most, value in rows:
         yield [text, str(most), digits(value, 3), "met" if value <= most else "not met"]
@@ -114,7 +114,9 @@ def analog_power() -> Rows:
     yield row("LCS 6 b, no events, mean over references", *idle.values())
     yield sends("alone: only this taxel", texture_hz, lcs["energy_per_lone_event_j"])
     yield sends("textures: all taxels", texture_hz, lcs["energy_per_texture_event_j"])
-    yield sends("busy: an event in every clock", most_hz, lcs["energy_per_event_j"])
+    busy_w = idle["digital"] + lcs["energy_per_event_j"] * most_hz
+    text = f"busy: an event and all comparators in every clock, {most_hz:,.0f} events/s"
+    yield row(text, busy_w, decision_j()[True] * lcs["clock_hz"] + leakage_w())
     parts = breakdown()["lcs"]["converter_parts"]
     equations_w = sum(parts[name] for name in ("comparator_static", "comparator_dynamic", "dac")) / TAXELS
     digital_w = idle["digital"] + lcs["energy_per_texture_event_j"] * texture_hz
@@ -165,3 +167,9 @@ def analog_loops() -> Rows:
 def worst_missed() -> float:
     """Return the largest share of events that the behavioural comparator puts into another tick."""
     return float(max(row["missed"]["measured"] / row["events"] for row in analog_loops()))
+
+
+def idle_parts() -> dict[str, float]:
+    """Return the power of a taxel without events: leakage of the gates, clocked flops, and comparators with DAC."""
+    idle, leakage = idle_w(), netlists()["lcs-analog-8x8-ihp"]["leakage_w_per_taxel"]
+    return {"leakage": leakage, "clocked": idle["digital"] - leakage, "analog": idle["analog"]}
