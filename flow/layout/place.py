@@ -33,9 +33,14 @@ DIODES_UM, PROTECTED_UM = 60.0, 5000.0
 STEPS = 4000000
 """Steps of the router before it gives up."""
 
-ENCLOSURES_UM = {("m1_via_m2", "m1"): (0.085, 0.085), ("m2_via2_m3", "m2"): (0.085, 0.06)}
+ENCLOSURES_UM = {
+    ("m1_via_m2", "m1"): (0.085, 0.085),
+    ("m1_via_m2", "m2"): (0.085, 0.085),
+    ("m2_via2_m3", "m2"): (0.06, 0.085),
+}
 """Of vias by a metal, east and north. The exported ones fill the pitch of the wires, so that a via off its track, where
-a pin is, came too close to the next, or the ends of two wires did."""
+a pin is, came too close to the next, or the ends of two wires did. In metal 2, vias are as wide as the wires: there is
+no notch between two vias of a wire."""
 
 LARGE_ENOUGH = ("m1", "m2")
 """Metals whose wires have the least area with their vias: what the router added to be sure came too close to others."""

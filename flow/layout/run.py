@@ -22,7 +22,7 @@ from eskin.flow.layout.tree import tree_of
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.verilog import rtlil
 
-MARGINS = (0.35, 0.3, 0.4, 0.45, 0.5, 0.6, 0.75)
+MARGINS = (0.4, 0.35, 0.45, 0.5, 0.6, 0.75, 0.3)
 """Free area as a share of the cell area, in the order in which placement tries the values."""
 
 
