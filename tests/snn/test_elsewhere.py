@@ -197,3 +197,27 @@ def test_their_networks_come_here_and_classify_alike(eskin: Any, folder: Path, k
     assert float(total.mean()) > 0.5
     assert torch.equal(logits, total)
     assert len(set(logits.argmax(1).tolist())) > 1
+
+
+@pytest.mark.parametrize(("library", "dt", "reset"), [("sinabs", 1.0, "zero"), ("rockpool", 1e-3, "subtract")])
+def test_networks_of_other_libraries_spike_here_after_the_corrections_of_the_page(
+    folder: Path, library: str, dt: float, reset: str
+) -> None:
+    """The file has the graph that the library wrote, events, and the spikes of the library."""
+    stored = np.load(Path(__file__).parent / "nir_others" / f"{library}.npz")
+    Path("raw.nir").write_bytes(stored["nir"].tobytes())
+    exec(
+        LINES["corrections"], {"graph": nir.read("raw.nir"), "nir": nir, "np": np, "inputs": 8, "classes": 4, "dt": dt}
+    )
+    x = torch.from_numpy(stored["counts"]).float()[:, None]
+
+    def spikes_of(name: str) -> tuple[Any, Any]:
+        network = load_nir(Path(name), dt, reset=reset).network.eval()
+        with torch.no_grad():
+            return network.spikes(x)[:, 0].numpy(), network(x).logits[0].numpy()
+
+    hidden, counts = spikes_of("theirs.nir")
+    assert stored["hidden"].sum() > 200
+    assert np.array_equal(hidden, stored["hidden"])
+    assert np.array_equal(counts, stored["outputs"].sum(0))
+    assert not np.array_equal(spikes_of("raw.nir")[0], stored["hidden"]), "the corrections matter"
