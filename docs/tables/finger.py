@@ -162,6 +162,11 @@ def default_trainings() -> Rows:
         yield row | {"p": p}
 
 
+def trainings_played() -> Rows:
+    """Yield the networks of docs/data/trainings.json that the RTL played."""
+    yield from read("docs/data/trainings.json")["played"]
+
+
 def trained_means(report: dict[str, Any]) -> dict[str, float]:
     """Return the accuracies of docs/data/trainings.json by fold, and by group of folds if no fold is missing."""
     found = dict[str, list[float]]()
