@@ -149,14 +149,7 @@ class EncoderChoice(Fit):
                 scans, bps = _scans(tried, recordings[options][some], labels, bin_s, options.gains, levels[options])
                 right, loss, of = pooled([_short_training(scans, part, updates, halves) for part in judges], judges)
                 found.append(Judged(of - right, loss, place, bps, options, tried))
-                said: dict[str, Any] = {
-                    "encoding": tried.encoding,
-                    "resolution": tried.resolution,
-                    "baseline": options.baseline,
-                }
-                said |= {"scale": options.scale, "bits_per_s": bps, "updates": updates}
-                said |= {"gains": list(options.gains)} if options.gains else {}
-                scores.append(said | {"right": right, "of": of, "log_loss": loss})
+                scores.append(_said(found[-1], updates, right, of))
                 progress()
             return sorted(found, key=lambda one: one.log_loss) if turns > 1 else sorted(found)
 
@@ -183,15 +176,32 @@ class EncoderChoice(Fit):
         if others:
             found = ranked([(one, found.config) for one in (found.options, *others)], len(UPDATES), LONG)[0]
         options = found.options
-        scale = "a scale per taxel" if options.scale == PER_TAXEL else "a common scale"
-        with_gains = f"gains {', '.join(map('{:g}'.format, options.gains))}, " if options.gains else ""
-        note = (
-            f"encoder {found.config.encoding} with {found.config.resolution} b, baseline {options.baseline}, {scale}, "
-            f"{with_gains}{found.bits_per_s:.3g} bit/s: the last of {len(scores)} short trainings found the class of "
-            f"{of - found.wrong} of {of} other recordings; --encoding, --resolution, --baseline and --scale choose "
-            f"others"
-        )
+        note = _note(found, len(scores), of)
         return found.config.replace(clocks_per_sample=config.clocks_per_sample), options, note, scores
+
+
+def _said(one: Judged, updates: int, right: int, of: int) -> dict[str, Any]:
+    """Return a score as plain values."""
+    said: dict[str, Any] = {
+        "encoding": one.config.encoding,
+        "resolution": one.config.resolution,
+        "baseline": one.options.baseline,
+    }
+    said |= {"scale": one.options.scale, "bits_per_s": one.bits_per_s, "updates": updates}
+    said |= {"gains": list(one.options.gains)} if one.options.gains else {}
+    return said | {"right": right, "of": of, "log_loss": one.log_loss}
+
+
+def _note(found: Judged, trainings: int, of: int) -> str:
+    """Return the sentence on the chosen settings."""
+    options = found.options
+    scale = "a scale per taxel" if options.scale == PER_TAXEL else "a common scale"
+    gains = f"gains {', '.join(map('{:g}'.format, options.gains))}, " if options.gains else ""
+    return (
+        f"encoder {found.config.encoding} with {found.config.resolution} b, baseline {options.baseline}, {scale}, "
+        f"{gains}{found.bits_per_s:.3g} bit/s: the last of {trainings} short trainings found the class of "
+        f"{of - found.wrong} of {of} other recordings; --encoding, --resolution, --baseline and --scale choose others"
+    )
 
 
 def _alike(first: Preparation, second: Preparation) -> bool:
