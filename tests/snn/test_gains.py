@@ -72,6 +72,25 @@ def test_scans_at_other_gains_follow_those_that_are_tested(folder: Path) -> None
     assert with_gains(plain, none, bins) is plain
 
 
+def test_offset_and_scale_have_room_for_the_gains(folder: Path) -> None:
+    write_forces(folder / "skin", (1.0, 1.5))
+    paths = sorted(Path("skin").rglob("*.csv"))
+    raw = np.concatenate([np.loadtxt(path, delimiter=",", skiprows=1)[:, 1:] for path in paths])
+    larger = np.concatenate([raw * gain for gain in (1, *GAINS)])
+    baselines: tuple[Baseline, ...] = ("first", "fixed")
+    for baseline in baselines:
+        plain = Preparation(baseline=baseline)
+        narrow = read_set(Path("skin"), plain, ReadoutConfig())
+        wide = read_set(Path("skin"), dataclasses.replace(plain, gains=GAINS), ReadoutConfig())
+        assert isinstance(wide.scale, float)
+        assert isinstance(narrow.scale, float)
+        assert wide.scale < 0.75 * narrow.scale
+        if baseline == "fixed":
+            assert wide.options.offsets == pytest.approx(np.percentile(larger, 1, axis=0))
+        level = levels_of(wide.options, wide.scale, 12, 2)
+        assert max(int(at_gain(codes, 1.4, level, 12).max()) for codes in wide.codes) in range(2030, 2048)
+
+
 def test_a_first_and_a_last_part_of_a_bin_are_left_out() -> None:
     config = ReadoutConfig(rows=1, columns=1, sample_rate_hz=100, resolution=4)
     codes = 300 * np.arange(7, dtype=np.int32)[:, None] - 1000
