@@ -20,8 +20,8 @@ from eskin.model.registers.export import c_header, ip_xact, page, system_rdl
 from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl.delivery import constraints, core, description, ports, write
 from eskin.rtl.gates.clock_gates import BEHAVIOUR, GATE
+from eskin.rtl.testbench import has_testbench
 from eskin.rtl.text.fold import LONGEST
-from eskin.rtl.text.testbench import has_testbench
 from eskin.rtl.verilog import Config, top_block, verilog
 from tests.conftest import run_eskin as call
 

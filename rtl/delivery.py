@@ -23,7 +23,7 @@ from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl.bus.wrapper import AxiReadout
 from eskin.rtl.gates.clock_gates import BEHAVIOUR, GATE, TEST
 from eskin.rtl.links import registry as links
-from eskin.rtl.text.testbench import has_testbench, testbench
+from eskin.rtl.testbench import has_testbench, testbench
 from eskin.rtl.verilog import Config, header, top_block, verilog, what_is, wrapper
 
 PORTS_OF_ALL = {"clk": "clock, rising edge", "rst": "reset, active high, {reset}"}

@@ -16,9 +16,9 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl.gates.clock_gates import BEHAVIOUR, GATE, TEST
+from eskin.rtl.testbench import has_testbench
+from eskin.rtl.testbench import testbench as bench_of
 from eskin.rtl.text.slang import compilation, ports_of, top_of
-from eskin.rtl.text.testbench import has_testbench
-from eskin.rtl.text.testbench import testbench as bench_of
 from eskin.rtl.verilog import Config, top_block, verilog
 from eskin.verify.proofs.bind import properties
 

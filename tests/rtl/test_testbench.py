@@ -13,8 +13,8 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.model.links import registry
 from eskin.rtl.gates.clock_gates import BEHAVIOUR, TEST
+from eskin.rtl.testbench import testbench as bench_of
 from eskin.rtl.text.fold import LONGEST
-from eskin.rtl.text.testbench import testbench as bench_of
 from eskin.rtl.verilog import Config, verilog
 
 SMALL = ReadoutConfig(rows=2, columns=3, clocks_per_sample=32)

@@ -29,7 +29,7 @@ from eskin.rtl.registers import spi
 from eskin.rtl.text.fold import LONGEST
 from eskin.rtl.verilog import Config, header, top_block
 
-TEMPLATES = templates(Path(__file__).parents[1] / "templates")
+TEMPLATES = templates(Path(__file__).with_name("templates"))
 TICKS, FRAMES = 8, 2
 """Sample ticks, or frames, that are played."""
 START = 4
