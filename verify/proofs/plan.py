@@ -279,7 +279,7 @@ def classifiers() -> list[Proof]:
         Proof(SumsChecker, own.replace(neuron_reset="subtract", hidden=2, classes=1), 20),
         Proof(SumsChecker, delayed, 20),
         Proof(SumsChecker, few.replace(**leaking, membrane_bits=7, output_bits=6), 18),
-        Proof(SumsChecker, stack, 30, False, True),
+        Proof(SumsChecker, stack, 30),
         Proof(SumsChecker, synaptic_stack, 28),
         Proof(SumsChecker, sure, 20, False, True),
         Proof(SumsChecker, few.replace(hidden=2, lanes=2), 18),
