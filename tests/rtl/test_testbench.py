@@ -70,6 +70,7 @@ def played(folder: Path, text: str, bench: str, *more: str) -> tuple[int, str]:
     return done.returncode, done.stdout + done.stderr
 
 
+@pytest.mark.representative("stream", block="testbench")
 @pytest.mark.parametrize("name", CASES)
 def test_a_testbench_passes_and_finds_a_fault(name: str, tmp_path: Path) -> None:
     config, (right, wrong), found = CASES[name]

@@ -110,7 +110,7 @@ def _classifiers() -> Iterator[Run]:
         "leaky": {"classes": 2, "neuron_reset": "subtract", "leak_shift": 3, "out_leak_shift": 2, "floor": -50}
         | {"reset": "async", "lanes": 1, "threshold": 450},
         "own parameters": {"classes": 4, "own_parameters": True, "neuron_reset": "subtract", "floor": -300}
-        | {"out_threshold": 300, "output_bits": 10, "out_shift": 1},
+        | {"out_threshold": 300, "output_bits": 10, "out_shift": 1, "margin": 3},
         "layers": {"classes": 3, "hidden": 4, "lanes": 1, "layers": [[0, 2, []], [2, 4, [0, 1]]]}
         | {"neuron_reset": "delayed", "leak_shift": 2, "threshold": 150, "out_threshold": 60},
         "currents": {"classes": 3, "synapse_shift": 2, "out_synapse_shift": 1, "leak_shift": 2, "out_leak_shift": 2},

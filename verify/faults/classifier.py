@@ -25,8 +25,11 @@ UPSET_BINS = 3
 """Bins in which flops are flipped."""
 MEMORY = re.compile(r"(inputs|recurrent|neurons|parameters)\.memory")
 """Names of flops that store the weights from the host."""
-WATCHED = ("event_ready", "class_valid", "class_index", "evidence", "overrun", "stall_count")
-"""Outputs that are valid in every clock; other outputs are valid while ``hidden_valid`` or ``output_valid`` is high."""
+WATCHED = ("event_ready", "class_valid", "class_index", "class_sure", "evidence", "overrun", "stall_count")
+"""Outputs that are valid in every clock, if the core has them.
+
+Other outputs are valid while ``hidden_valid`` or ``output_valid`` is high.
+"""
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,7 @@ def upsets(config: ClassifierConfig, stride: int, flops: str) -> Iterator[Upset]
 
 def _seen(outputs: dict[str, NDArray[np.int64]]) -> list[NDArray[np.int64]]:
     """Return all outputs, with 0 for invalid ones."""
-    seen = [outputs[name] for name in WATCHED]
+    seen = [outputs[name] for name in WATCHED if name in outputs]
     for kind in ("hidden", "output"):
         valid = outputs[f"{kind}_valid"]
         names = (f"{kind}_{what}" for what in ("index", "potential", "spike"))

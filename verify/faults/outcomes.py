@@ -20,7 +20,7 @@ PLACES = (
     (r"(sequencer|packer)\.", "frame_readout"),
     (TAXEL.pattern + r"window\.", "window"),
     (TAXEL.pattern, "taxel"),
-    (r"classifier\.(inputs|recurrent|neurons)\.memory", "weights"),
+    (r"classifier\.(inputs|recurrent|neurons|parameters)\.memory", "weights"),
     *((rf"{block}\.", block) for block in ("arbiter", "link", "fields", "decay_ticks", "merge", "relay", "classifier")),
     *((rf"host\.{block}\.", block) for block in ("spi", "registers", "pattern")),
     (r"host\.", "host"),

@@ -115,7 +115,9 @@ def classifiers() -> list[ClassifierConfig]:
     return [
         ClassifierConfig.from_dict(both | {"hidden": 4}),
         ClassifierConfig.from_dict(both | {"hidden": 5, "lanes": 4} | other),
-        ClassifierConfig.from_dict(both | {"hidden": 4, "own_parameters": True, "neuron_reset": "subtract"}),
+        ClassifierConfig.from_dict(
+            both | {"hidden": 4, "own_parameters": True, "neuron_reset": "subtract", "margin": 2}
+        ),
         ClassifierConfig.from_dict(both | {"hidden": 5} | layers),
     ]
 

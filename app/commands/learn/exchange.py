@@ -115,7 +115,9 @@ def quantise(
         None, "bits of a hidden potential [32 thresholds; no floor, or synaptic currents: all values]"
     ),
     lanes: int = opt(16, "weights added per clock"),
-    margin: int = opt(0, "N", "lead of the evidence for an early decision, a port of the hardware [none]", min=0),
+    margin: int = opt(
+        0, "N", "lead of the evidence for an early decision, a port of the hardware [none]", min=0, max=2**32 - 1
+    ),
     clock: float | None = opt(
         None, "HZ", "clock frequency of the hardware [50e6; own recordings: the lowest that suffices]"
     ),
