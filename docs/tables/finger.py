@@ -110,7 +110,7 @@ def finger_targets() -> Rows:
         for frames in (False, True):
             some = [point for point in points if (point["readout"] == "frame") == frames]
             found = [(accuracies(report, point["network"]), name_of(point)) for point in some]
-            found += [] if frames else [(trained_means(report), "N-LCS 4 b, as in the table above")]
+            found += [] if frames else [(trained_means(report), "N-LCS 4 b, settings of the table above")]
             best, name = max((of_folds[kind], name) for of_folds, name in found if kind in of_folds)
             cells.append(f"{'met' if best >= wanted else 'missed'}: {100 * best:.1f} % ({name})")
         yield [text, *cells]
