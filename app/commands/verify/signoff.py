@@ -24,7 +24,7 @@ def signoff(
 ) -> None:
     """Run all checks: proofs with mutants, coverage, random runs, faults, and replays of all encoders.
 
-    A stopped sign-off continues. It takes many hours on two cores.
+    A stopped sign-off continues. It takes 20 minutes on two cores, and the time of the random runs.
     """
     from eskin.verify import signoff as session
 
