@@ -58,8 +58,6 @@ def comparator(front_end: FrontEnd) -> Data:
     """Return energy, offset, noise, delay, kick-back and linearity, and energy and delay at the corners."""
     taxel = Taxel(front_end, CONFIG)
     store, key = work_of("analog", NEEDS), digest(front_end.to_dict())
-    if front_end.comparator:
-        measure.check(front_end)
     period_s = 1 / CONFIG.clock_hz
     parts: dict[str, Callable[[], Data]] = {
         "corners": lambda: {"rows": measure.corners(front_end, CONFIG)},
@@ -199,6 +197,7 @@ def main() -> None:
         front_end = FrontEnd()
         if options.comparator is not None:
             front_end = dataclasses.replace(front_end, comparator=netlist_of(options.comparator))
+            measure.check(front_end)
         known = options.comparator is None  # else the data of another comparator may be there
         results = {"analog": Result("analog/comparator", partial(comparator, front_end), draw, long=known)}
         if options.loops:
