@@ -107,18 +107,18 @@ class Tapeout:
         lines.append("yaml_version: 6")
         # Beside the settings of every flow, those that Tiny Tapeout requires: its tiles have one grid of power lines.
         settings = self._filled("config.json", density=round(100 * DENSITY), period=self.period_ns)
-        files = {
+        return {
             "info.yaml": "\n".join(lines) + "\n",
             "src/config.json": settings,
             "src/project.sdc": self._constraints(),
         }
-        return files
 
     def _constraints(self) -> str:
         """Return the timing constraints of the chip behind the pins of Tiny Tapeout."""
-        asynchronous = [f"ui_in[{bit}]" for bit, name in enumerate(pins.INPUTS) if name in pins.ASYNCHRONOUS]
-        acks = [f"ui_in[{bit}]" for bit, name in enumerate(pins.INPUTS) if name == "aer_ack"]
-        timed = [f"ui_in[{bit}]" for bit, name in enumerate(pins.INPUTS) if f"ui_in[{bit}]" not in asynchronous + acks]
+        signals = {f"ui_in[{bit}]": name for bit, name in enumerate(pins.INPUTS)}
+        asynchronous = [pin for pin, name in signals.items() if name in pins.ASYNCHRONOUS]
+        acks = [pin for pin, name in signals.items() if name == "aer_ack"]
+        timed = [pin for pin in signals if pin not in asynchronous + acks]
         return timing(
             self.config,
             header=header(self.config, "#").replace("eskin_readout:", f"{self.top}:", 1),
