@@ -1,7 +1,6 @@
 """Tables of the recordings of a robot finger: accuracy, data rate and energy of events and frames."""
 
 import re
-import statistics
 from collections.abc import Sequence
 from functools import cache
 from typing import Any
@@ -9,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from docs.tables.claims import holm
+from docs.tables.claims import compared
 from docs.tables.energy import at_rates
 from docs.tables.write import Rows, filled, only, read
-from eskin.snn.experiments.pairs import Pair, compare, right_of
+from eskin.snn.experiments.pairs import Answers, Pair, compare, right_of
 from eskin.snn.reference import score
 
 REPETITION = "repetition 1"
@@ -139,27 +138,24 @@ def default_trainings() -> Rows:
     p is McNemar's against the better reference, median over the seeds, after Holm's correction for all rows.
     """
     runs = read("docs/data/trainings.json")["runs"]
-    found, p_values = [], []
+    found, answers = {}, {}
     for test in dict.fromkeys(run["test"] for run in runs):
         some = [run for run in runs if run["test"] == test]
         labels, references = some[0]["labels"], some[0]["references"]
         plain = {name: references[name]["right"] for name in ("signals", "forest")}
         words = [run["predicted"] for run in some]
-        pair = compare(labels, [references[max(plain, key=plain.__getitem__)]["predicted"]] * len(some), words)
-        p_values.append(statistics.median(pair.p))
-        found.append(
-            {
-                "test": test,
-                "readout": readout_of(some[0]),
-                "right": ", ".join(str(run["right"]) for run in some),
-                "of": len(labels),
-                "percent": 100 * float(right_of(labels, words).mean()),
-                "most": references["most frequent class"]["right"],
-            }
-            | plain
-        )
-    for row, p in zip(found, holm(p_values), strict=True):
-        yield row | {"p": p}
+        best = references[max(plain, key=plain.__getitem__)]["predicted"]
+        answers[test] = Answers(labels, [best] * len(some), words)
+        found[test] = {
+            "test": test,
+            "readout": readout_of(some[0]),
+            "right": ", ".join(str(run["right"]) for run in some),
+            "of": len(labels),
+            "percent": 100 * float(right_of(labels, words).mean()),
+            "most": references["most frequent class"]["right"],
+        } | plain
+    for test, claim in compared(answers).items():
+        yield found[test] | {"p": claim.p}
 
 
 def trainings_played() -> Rows:
@@ -224,13 +220,14 @@ def level_pairs() -> list[tuple[dict[str, Any], dict[str, Any], Pair, float]]:
     report = finger_report()
     labels = only(report["folds"], fold=REPETITION)["labels"]
     places = {"level": report["level"]["points"], "points": report["points"]}
-    found = []
-    for place, first, other, second in LEVEL_PAIRS:
+    found, answers = [], {}
+    for names in LEVEL_PAIRS:
+        place, first, other, second = names
         a, b = only(places[place], point=first), only(places[other], point=second)
-        words = [[of_seed[REPETITION] for of_seed in one["network"] if REPETITION in of_seed] for one in (a, b)]
-        found.append((a, b, compare(labels, *words)))
-    corrected = holm([statistics.median(pair.p) for *_, pair in found])
-    return [(*one, p) for one, p in zip(found, corrected, strict=True)]
+        words = ([of_seed[REPETITION] for of_seed in one["network"] if REPETITION in of_seed] for one in (a, b))
+        answers[names] = Answers(labels, *words)
+        found.append((a, b, compare(*answers[names])))
+    return [(*one, claim.p) for one, claim in zip(found, compared(answers).values(), strict=True)]
 
 
 def finger_level_pairs() -> Rows:

@@ -4,9 +4,9 @@ import itertools
 from functools import cache
 from typing import Any
 
-from docs.tables.claims import Answers, Claim, compared, counted
+from docs.tables.claims import Claim, compared, counted
 from docs.tables.write import Rows, filled, only, read, table
-from eskin.snn.experiments.pairs import compare
+from eskin.snn.experiments.pairs import Answers, compare
 
 LCS_LEAKY = "physical/leaky-2ms/lcs:2/12x16:across:12"
 BIPOLAR_LEAKY = "physical/leaky-2ms/nlcs-bipolar:2/12x16:across:12"
