@@ -65,15 +65,17 @@ def prepare(
         resampled += moved
         signals.append(signal)
     numbers = range(len(signals)) if learned is None else learned
-    used = [signals[number] * gain for gain in (1.0, *options.gains) for number in numbers]
+    at_gains = [signals[number] * gain for gain in options.gains for number in numbers]
     if options.baseline == "fixed" and not options.offsets:
-        options = dataclasses.replace(options, offsets=fixed_offsets(used))
-    used = [without_baseline(signal, rate_hz, options) for signal in used]
-    signals = [without_baseline(signal, rate_hz, options) for signal in signals]
+        used = [signals[number] for number in numbers]
+        options = dataclasses.replace(options, offsets=fixed_offsets([*used, *at_gains]))
+    signals, at_gains = (
+        [without_baseline(signal, rate_hz, options) for signal in some] for some in (signals, at_gains)
+    )
     notes = _filled(tables)
     if resampled:
         notes.append(f"{resampled} of {len(tables)} recordings have uneven time stamps and were resampled linearly")
-    scale = scale_of(used, options, sample_bits)
+    scale = scale_of([*(signals[number] for number in numbers), *at_gains], options, sample_bits)
     if isinstance(scale, tuple) and len(scale) != len(tables[0].names):
         raise InputError(
             f"{tables[0].path} has {len(tables[0].names)} taxels, but the scale has {len(scale)} factors; choose the "
