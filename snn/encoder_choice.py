@@ -60,6 +60,7 @@ class Judged(NamedTuple):
     bits_per_s: float
     options: Preparation
     config: ReadoutConfig
+    of: int
 
 
 @dataclass(frozen=True)
@@ -136,20 +137,18 @@ class EncoderChoice(Fit):
         grouped = len(set(groups)) < len(groups)
         turns = min(repeats(len(labels), grouped), len(parts))
 
-        def judging(number: int) -> list[NDArray[np.int64]]:
-            return [parts[(number + turn) % len(parts)] for turn in range(turns)]
-
         def ranked(
             candidates: Sequence[tuple[Preparation, ReadoutConfig]], number: int, updates: int = 0
         ) -> list[Judged]:
             """Return the scores of a round, the best first; ``updates`` are of trainings with half windows."""
-            found, judges, halves = [], judging(number), updates > 0
+            found, halves = list[Judged](), updates > 0
+            judges = [parts[(number + turn) % len(parts)] for turn in range(turns)]
             updates = updates or UPDATES[number]
             for place, (options, tried) in enumerate(candidates):
                 scans, bps = _scans(tried, recordings[options][some], labels, bin_s, options.gains, levels[options])
                 right, loss, of = pooled([_short_training(scans, part, updates, halves) for part in judges], judges)
-                found.append(Judged(of - right, loss, place, bps, options, tried))
-                scores.append(_said(found[-1], updates, right, of))
+                found.append(Judged(of - right, loss, place, bps, options, tried, of))
+                scores.append(_said(found[-1], updates))
                 progress()
             return sorted(found, key=lambda one: one.log_loss) if turns > 1 else sorted(found)
 
@@ -169,18 +168,16 @@ class EncoderChoice(Fit):
             if len(left) > 2:
                 left = [(one.options, one.config) for one in ranked(left, number)][: -(-len(left) // 2)]
         last = ranked(left, len(UPDATES) - 1)
-        of = sum(map(len, judging(len(UPDATES) - 1)))
-        error = math.sqrt(last[0].wrong * (1 - last[0].wrong / of))
+        error = math.sqrt(last[0].wrong * (1 - last[0].wrong / last[0].of))
         found = min((one for one in last if one.wrong <= last[0].wrong + error), key=lambda one: one.bits_per_s)
-        others = [one for one in recordings if one not in tried_first and _alike(one, found.options)]
-        if others:
-            found = ranked([(one, found.config) for one in (found.options, *others)], len(UPDATES), LONG)[0]
-        options = found.options
-        note = _note(found, len(scores), of)
-        return found.config.replace(clocks_per_sample=config.clocks_per_sample), options, note, scores
+        alike = [one for one in recordings if dataclasses.replace(one, gains=found.options.gains) == found.options]
+        if not grouped and len(alike) > 1:
+            found = ranked([(one, found.config) for one in alike], len(UPDATES), LONG)[0]
+        note = _note(found, len(scores))
+        return found.config.replace(clocks_per_sample=config.clocks_per_sample), found.options, note, scores
 
 
-def _said(one: Judged, updates: int, right: int, of: int) -> dict[str, Any]:
+def _said(one: Judged, updates: int) -> dict[str, Any]:
     """Return a score as plain values."""
     said: dict[str, Any] = {
         "encoding": one.config.encoding,
@@ -189,10 +186,10 @@ def _said(one: Judged, updates: int, right: int, of: int) -> dict[str, Any]:
     }
     said |= {"scale": one.options.scale, "bits_per_s": one.bits_per_s, "updates": updates}
     said |= {"gains": list(one.options.gains)} if one.options.gains else {}
-    return said | {"right": right, "of": of, "log_loss": one.log_loss}
+    return said | {"right": one.of - one.wrong, "of": one.of, "log_loss": one.log_loss}
 
 
-def _note(found: Judged, trainings: int, of: int) -> str:
+def _note(found: Judged, trainings: int) -> str:
     """Return the sentence on the chosen settings."""
     options = found.options
     scale = "a scale per taxel" if options.scale == PER_TAXEL else "a common scale"
@@ -200,13 +197,9 @@ def _note(found: Judged, trainings: int, of: int) -> str:
     return (
         f"encoder {found.config.encoding} with {found.config.resolution} b, baseline {options.baseline}, {scale}, "
         f"{gains}{found.bits_per_s:.3g} bit/s: the last of {trainings} short trainings found the class of "
-        f"{of - found.wrong} of {of} other recordings; --encoding, --resolution, --baseline and --scale choose others"
+        f"{found.of - found.wrong} of {found.of} other recordings; "
+        f"--encoding, --resolution, --baseline and --scale choose others"
     )
-
-
-def _alike(first: Preparation, second: Preparation) -> bool:
-    """Return True if two preparations differ in gains alone, or not at all."""
-    return dataclasses.replace(first, gains=()) == dataclasses.replace(second, gains=())
 
 
 def _parts(labels: NDArray[np.int64], groups: Sequence[str]) -> list[NDArray[np.int64]]:

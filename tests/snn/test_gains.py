@@ -114,20 +114,24 @@ def test_groups_are_compared_with_and_without_gains(folder: Path) -> None:
     assert alone.options == dataclasses.replace(found.options, gains=())
 
 
+@pytest.mark.parametrize(("each", "folds", "of"), [(3, 6, [6, 6, 6]), (4, 4, [7, 8, 8])])
 def test_few_recordings_compare_gains_by_the_last_and_longest_trainings(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, monkeypatch: pytest.MonkeyPatch, each: int, folds: int, of: list[int]
 ) -> None:
-    write_forces(folder / "skin", (0.8, 1.2), each=3)
+    write_forces(folder / "skin", (0.8, 1.2), each=each)
     monkeypatch.setattr(encoder_choice, "FEW", 50)
     monkeypatch.setattr(inner, "FEW", 50)
     monkeypatch.setattr(encoder_choice, "LONG", 40)
     options, config = Preparation(baseline="first"), ReadoutConfig(resolution=4)
-    found = read_set(Path("skin"), options, config, ("encoding", "resolution", "baseline"), fit=EncoderChoice(folds=6))
+    found = read_set(
+        Path("skin"), options, config, ("encoding", "resolution", "baseline"), fit=EncoderChoice(folds=folds)
+    )
     assert [one["updates"] for one in found.scores] == [encoder_choice.UPDATES[-1], 40, 40]
     assert [tuple(one.get("gains", ())) for one in found.scores] == [(), (), GAINS]
-    assert [one["of"] for one in found.scores] == [6, 6, 6], "three of the five parts"
+    assert [one["of"] for one in found.scores] == of, "three of the five parts"
     better = min(found.scores[1:], key=lambda one: float(one["log_loss"]))
     assert found.options.gains == tuple(better.get("gains", ()))
+    assert any(f"the class of {better['right']} of {better['of']} other recordings" in note for note in found.notes)
 
 
 def test_gains_that_are_none_are_refused(folder: Path, refuses: Any) -> None:
