@@ -47,11 +47,10 @@ def choose(
     if len(candidates) == 1 or folds < LEAST_FOLDS:
         return candidates[0], []
     all_parts = [images[part] for part in stratified_folds(labels[images], folds, 1, groups=of_images)]
-    left, scores = list(range(len(candidates))), []
+    left, scores, turns = list(range(len(candidates))), [], repeats(len(images), bool(groups))
     for number, share in enumerate(SHARES):
         if len(left) == 1:
             break
-        turns = repeats(len(images), bool(groups))
         parts, ranked = [all_parts[(seed + number + turn) % folds] for turn in range(turns)], []
         for candidate in left:
             made = candidates[candidate]

@@ -91,6 +91,8 @@ def test_few_recordings_vary_bins_and_windows_and_others_bins_and_decays(folder:
     many = varied(FEW + 1)
     assert len(many) == 6
     assert [learned for _, learned, *_ in many] == [False] * 3 + [True] * 3
+    one_bin = dataclasses.replace(made, bins=BinConfig(bin_s=5))
+    assert len(Maker(values | {"bin_s": 5.0}).variations(one_bin, data, np.arange(6))) == 1, "no half of one bin"
     assert varied(6, bin_s=0.2, settings=["window_steps=9", "learn_decay=false"]) == [(0.2, False, 9, 1)]
 
 

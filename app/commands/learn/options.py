@@ -179,9 +179,10 @@ class Maker:
         for learned in ([True] if few else [False, True]) if learns else [False]:
             for bin_s, halves in itertools.product(bins, [False, True] if few else [False]):
                 follows = for_recordings(recipe, seconds, bin_s) | ({"learn_decay": True} if learned else {})
-                if halves and "window_steps" in follows | settings:
-                    continue
-                if halves and (half := int(seconds.min() / bin_s) // 2):
+                if halves:
+                    half = int(seconds.min() / bin_s) // 2
+                    if not half or "window_steps" in follows | settings:
+                        continue
                     follows |= {"window_steps": half, "windows": 2}
                 network, training = parted(follows | settings)
                 training.pop("batch", None)
