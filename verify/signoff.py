@@ -141,7 +141,8 @@ def rows(folder: Path) -> Iterator[dict[str, Any]]:
                 report["result"] = f"fuzz: {cases:,} cases, {wrong} wrong"
             if name == "replay":
                 report = _replayed(report["runs"])
-            yield report | {"kind": kind, "what": what}
+            shown = {key: report[key] for key in ("result", "command", "commit", "date")}
+            yield {"kind": kind, "what": what} | shown
 
 
 def _replayed(runs: list[dict[str, Any]]) -> dict[str, Any]:
