@@ -24,7 +24,7 @@ from eskin.rtl.bus.wrapper import AxiReadout
 from eskin.rtl.gates.clock_gates import BEHAVIOUR, GATE, TEST
 from eskin.rtl.links import registry as links
 from eskin.rtl.testbench import has_testbench, testbench
-from eskin.rtl.verilog import Config, header, top_block, verilog, what_is, wrapper
+from eskin.rtl.verilog import Config, clock_and_reset, header, top_block, verilog, what_is, wrapper
 
 PORTS_OF_ALL = {"clk": "clock, rising edge", "rst": "reset, active high, {reset}"}
 
@@ -85,9 +85,6 @@ BUS_PORTS = {
     "s_axi_rready": "the response is taken",
 }
 """Meaning of the ports of a readout behind AXI."""
-
-CLOCK_AND_RESET: dict[type, tuple[str, str]] = {BusConfig: ("aclk", "aresetn")}
-"""Names of clock and reset where they are not clk and rst."""
 
 OUTSIDE = 0.2
 """Share of the period for the logic that drives an input or takes an output."""
@@ -290,7 +287,7 @@ def constraints(config: Config, gated: bool = False) -> str:
     pins = {port["name"]: port["name"] + ("[*]" if port["width"] > 1 else "") for port in own}
     inputs = {port["name"] for port in own if port["direction"] == "input"}
     ack = links.named(config.link).asynchronous if isinstance(config, ReadoutConfig) else ()
-    clock, reset = CLOCK_AND_RESET.get(type(config), ("clk", "rst"))
+    clock, reset = clock_and_reset(config)
     timed = [name for name in pins if name not in (clock, *ack, *SPI, *MACRO_IN, *MACRO_OUT)]
     base = "sample rate times clocks per sample"
     if isinstance(config, FrameConfig):

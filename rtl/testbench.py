@@ -27,7 +27,7 @@ from eskin.rtl.links import registry as links
 from eskin.rtl.links.link import ACK_EIGHTHS, READY
 from eskin.rtl.registers import spi
 from eskin.rtl.text.fold import LONGEST
-from eskin.rtl.verilog import Config, header, top_block
+from eskin.rtl.verilog import Config, clock_and_reset, header, top_block
 
 TEMPLATES = templates(Path(__file__).with_name("templates"))
 TICKS, FRAMES = 8, 2
@@ -89,7 +89,7 @@ def testbench(config: Config, tied: str = "") -> str:  # noqa: PT028
     """
     play = _frames(config) if isinstance(config, FrameConfig) else _events(config)
     top = top_block(config)
-    clock, reset, release = ("aclk", "aresetn", "1'b1") if isinstance(config, BusConfig) else ("clk", "rst", "1'b0")
+    clock, reset = clock_and_reset(config)
     ports = {name: (flow, 1) for name, flow in ((clock, True), (reset, True))}
     for name, member in top.signature.members.items():
         ports[name] = (member.flow is wiring.In, Shape.cast(member.shape).width)
@@ -109,7 +109,7 @@ def testbench(config: Config, tied: str = "") -> str:  # noqa: PT028
             for name, (driven, width) in ports.items()
         ],
         clk=clock,
-        release=f"{reset} = {release};",
+        release=f"{reset} = 1'b{0 if reset in IDLE_HIGH else 1};",
         bits=max(low + width for low, width in play.shown.values()),
         literal=literal,
         count=len(play.expected),
@@ -143,7 +143,7 @@ def _events(config: Config) -> Play:
     bus = config if isinstance(config, BusConfig) else None
     readout = config.readout if isinstance(config, BusConfig) else config
     assert isinstance(readout, ReadoutConfig)
-    clock = "clk" if bus is None else "aclk"
+    clock, _ = clock_and_reset(config)
     transfers = _transfers(readout)
     start = START + ACCESS_CLOCKS * len(transfers)
     samples = _walk(readout.full_scale, readout.step, TICKS, readout.taxels)

@@ -76,6 +76,11 @@ def top_block(config: Config) -> Block[Any]:
     return KINDS[type(config)][0](config)
 
 
+def clock_and_reset(config: Config) -> tuple[str, str]:
+    """Return the names of the clock and reset of a design."""
+    return ("aclk", "aresetn") if isinstance(config, BusConfig) else ("clk", "rst")
+
+
 def verilog(config: Config, gated: bool = False) -> str:
     """Return the readout as plain Verilog-2005 text, with one module per distinct block.
 

@@ -5,9 +5,8 @@ from typing import Any
 
 from eskin.flow.asic.compare import add, compare
 from eskin.rtl import yosys
-from eskin.rtl.delivery import CLOCK_AND_RESET
 from eskin.rtl.gates.clock_gates import FLOPS, GATE, STUB, TEST
-from eskin.rtl.verilog import Config, rtlil, top_block, verilog
+from eskin.rtl.verilog import Config, clock_and_reset, rtlil, top_block, verilog
 from eskin.verify.proofs.delivered import DATA, MEMORY, SPELLED, UNDEFINED, Different
 
 READ = {
@@ -51,7 +50,7 @@ def prove_gated(config: Config, text: str = "") -> int:
     gold["netnames"] = {SPELLED.sub(r"\1\3_\2\4", name): net for name, net in gold["netnames"].items()}
     memories = []
     for module in (gold, gate):
-        enables = _Enables(module, CLOCK_AND_RESET.get(type(config), ("clk", "rst"))[0])
+        enables = _Enables(module, clock_and_reset(config)[0])
         enables.to_flops()
         memories.append(enables.cut_memories())
     if memories[0] != memories[1]:
