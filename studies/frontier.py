@@ -37,7 +37,7 @@ from eskin.snn.data.frame_steps import FrameKind
 from eskin.snn.data.scans import ScanData, Split
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.intervals import bootstrap
-from eskin.snn.experiments.pairs import compare, right_of
+from eskin.snn.experiments.pairs import right_of
 from eskin.snn.experiments.points import Sweep, as_word, load_sweep
 from eskin.snn.experiments.settings import experiment_of
 from eskin.snn.experiments.sweep import NEEDS, coded_bps
@@ -135,9 +135,6 @@ ALSO: dict[str, int] = {
 
 LEAST_USE = 0.75
 """Part of a data rate that frames use at least."""
-
-AS_EQUAL = 1.6
-"""Data rates of events and frames that are compared differ by less than this factor."""
 
 
 PARTS = 20
@@ -419,13 +416,12 @@ def measured(run: Frontier, step: Step) -> tuple[list[dict[str, Any]], list[dict
 
 
 def frontier_data(points: Sequence[dict[str, Any]], inner: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
-    """Return the content of ``frontier.json``: points, comparisons of LCS with others, inner validations."""
+    """Return the content of ``frontier.json``: points and inner validations."""
     order = sorted(points, key=lambda point: (point["preset"] != "physical", point["network"], point["bits_per_s"]))
     return {
         "noise_v": NOISE_V,
         "training": {"networks": NETWORKS, "scans": SCANS},
         "points": order,
-        "pairs": pairs_of(order, inner),
         "inner": list(inner),
     }
 
@@ -441,31 +437,6 @@ def points_of(sweep: Sweep, network: str) -> list[dict[str, Any]]:
             | _rates(experiment, point["rate_hz"], point["coded_bps"])
             | _result(point["labels"], point["last"]["predictions"])
         )
-    return found
-
-
-def pairs_of(points: Sequence[dict[str, Any]], inner: Sequence[dict[str, Any]] = ()) -> list[dict[str, Any]]:
-    """Return comparisons of LCS with other readouts for the same scan and network.
-
-    They have a similar data rate, or inner validation chose them for the same event rate.
-    """
-    budgets: dict[str, set[int]] = {}
-    for one in inner:
-        if one["chosen"]:
-            budgets.setdefault(one["name"], set()).add(one["budget_hz"])
-    found = []
-    for first in points:
-        for second in points:
-            same = all(first[name] == second[name] for name in ("preset", "network", "labels"))
-            kinds = [point["readout"].partition(":")[0] for point in (first, second)]
-            if not same or not kinds[0] == "lcs" != kinds[1]:
-                continue
-            common = sorted(budgets.get(first["name"], set()) & budgets.get(second["name"], set()))
-            rates = sorted(point["bits_per_s"] for point in (first, second))
-            if common or rates[1] < AS_EQUAL * rates[0]:
-                names = {"first": first["name"], "second": second["name"], "budgets_hz": common}
-                result = compare(first["labels"], first["predictions"], second["predictions"])
-                found.append(names | dataclasses.asdict(result))
     return found
 
 
@@ -681,7 +652,7 @@ def _draw(panel: Axes, points: list[Data], field: str) -> None:
 
 
 def compute(pool: Pool) -> Data:
-    """Return the points of all budgets and of the project's sweeps, their comparisons, and the inner validations."""
+    """Return the points of all budgets and of the project's sweeps, and the inner validations."""
     import torch
 
     device = "cuda" if torch.cuda.is_available() else "cpu"

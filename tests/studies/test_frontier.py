@@ -252,24 +252,6 @@ POINTS = [
 ]
 
 
-@pytest.mark.quick
-def test_frames_and_events_of_one_rate_and_network_are_paired() -> None:
-    (pair,) = frontier_data(POINTS)["pairs"]
-    assert (pair["first"], pair["second"]) == (POINTS[0]["name"], POINTS[1]["name"]), "not those of other rates"
-    assert (pair["only_first"], pair["only_second"], pair["p"]) == ([0], [1], [1.0]), "common seeds"
-    assert pair["difference"] == pytest.approx(1 / 9)
-
-
-def test_readouts_of_one_event_rate_are_paired_whatever_their_data_rate() -> None:
-    inner = [
-        {"name": point["name"], "budget_hz": budget, "chosen": chosen}
-        for point, budget, chosen in zip(POINTS, (300, 300, 300, 300), (True, False, True, True), strict=True)
-    ]
-    near, far = frontier_data(POINTS, inner)["pairs"]
-    assert (near["second"], near["budgets_hz"]) == (POINTS[1]["name"], [])
-    assert (far["second"], far["budgets_hz"]) == (POINTS[2]["name"], [300])
-
-
 def test_each_scan_and_network_has_a_column_with_rates_and_power() -> None:
     figure = draw_frontier(frontier_data(POINTS))
     assert len(figure.axes) == 6
