@@ -16,5 +16,6 @@ from docs.tables.generated import *
 from docs.tables.netlists import *
 from docs.tables.power import *
 from docs.tables.speed import *
+from docs.tables.tasks import *
 from docs.tables.verification import *
 from docs.tables.write import *
