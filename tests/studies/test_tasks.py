@@ -8,7 +8,7 @@ import pytest
 from eskin.skin.recordings.folder import sources_of
 from studies import tasks
 from studies.study import ROOT
-from studies.tasks import DEPTH_MM, KINDS, recording
+from studies.tasks import KINDS, recording
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def test_presses_have_period_and_depth_of_their_recording() -> None:
     time_s = np.arange(4000) / 1000
     for period_ms in KINDS["indentation"].classes:
         depth = tasks.presses(np.random.default_rng(3), period_ms, time_s)
-        assert DEPTH_MM[0] <= depth.max() <= DEPTH_MM[1]
+        assert depth.max() == pytest.approx(0.05 * 10 ** np.random.default_rng(3).uniform())  # 0.05 to 0.5 mm
         begins = np.flatnonzero((depth[:-1] < depth.max() / 2) & (depth[1:] >= depth.max() / 2))
         assert np.diff(begins) == pytest.approx(period_ms, abs=1.5)
         assert 0.35 < (depth > depth.max() / 2)[begins[0] : begins[-1]].mean() < 0.85
