@@ -11,7 +11,7 @@ from typing import Any
 
 from eskin.base.errors import InputError
 from eskin.board.config import DESIGNS, BoardConfig, Design, SerialConfig
-from eskin.board.records import VALUE_BITS, Ack, Feature, Reason, Record, RecordReader, Refused, Tag, Words
+from eskin.board.records import VALUE_BITS, Ack, Feature, Reason, Record, RecordReader, Refused, Tag, Words, additions
 from eskin.board.serial_frames import Damaged, Frame, FrameReader, Kind
 
 POLL_S = 0.05
@@ -227,3 +227,5 @@ class Link:
                 f"the board's bitstream has another network or array ({said['identity']:08x}, not "
                 f"{config.identity:08x}); load the bitstream for these weights (make fpga WEIGHTS=)"
             )
+        if config is not None and additions(config) & Feature.EARLY and not self.features & Feature.EARLY:
+            raise InputError("the board sends no early decisions; build its bitstream again (make fpga WEIGHTS=)")

@@ -82,6 +82,7 @@ class View:
         self.bins = self.clock = 0
         self.evidence: list[int] = []
         self.winner: str | None = None
+        self.early: tuple[str, float] | None = None  # class and seconds of the early decision
         self._steps: deque[tuple[int, Counter[int]]] = deque(maxlen=STEPS + 1)
         self._bins: deque[tuple[int, list[int]]] = deque(maxlen=STEPS)
 
@@ -110,6 +111,8 @@ class View:
             self.clock = max(self.clock, record.time)
             self.evidence = list(record.evidence)
             self.winner = self.class_names[record.winner] if record.winner < len(self.class_names) else None
+            if record.sure and self.winner and self.early is None:
+                self.early = self.winner, self.bins * self.clocks_per_bin / self.clock_hz
             self._bins.append((record.time, self.evidence))
             if self.clocks_per_bin:
                 self._class_s.append((record.time + 1) % self.clocks_per_bin / self.clock_hz)
@@ -144,6 +147,7 @@ class View:
                 "events": self.events,
                 "lost": self.lost,
                 "class": self.winner,
+                "early": self.early,
                 "classes": self.class_names,
                 "evidence": self.evidence,
                 "class_latency_s": _median_and_99(self._class_s),

@@ -49,6 +49,7 @@ class Feature(IntFlag):
     CHANGES = 1
     SHORT_EVENTS = 2
     SENSOR = 4
+    EARLY = 8
 
 
 class Reason(IntEnum):
@@ -87,12 +88,13 @@ class Event(NamedTuple):
 
 @dataclass(frozen=True)
 class Class:
-    """Classifier output at the end of a bin: clock of ``class_valid``, class, overrun flag, evidence."""
+    """Classifier output at the end of a bin: clock of ``class_valid``, class, overrun flag, evidence, class_sure."""
 
     time: int
     winner: int
     overrun: bool
     evidence: tuple[int, ...]
+    sure: bool = False
 
 
 @dataclass(frozen=True)
@@ -223,7 +225,8 @@ class RecordReader:
             if above & 0x3F >= self.classes:
                 raise InputError(f"the board sent the class {above & 0x3F}, but has {self.classes} classes; {AGAIN}")
             evidence = tuple(word - (word >> WORD_BITS - 1 << WORD_BITS) for word in words[1:])  # signed
-            return Class(time, above & 0x3F, bool(above >> ADDRESS_BITS - 1), evidence)
+            overrun, sure = (bool(above >> ADDRESS_BITS - place & 1) for place in (1, 2))
+            return Class(time, above & 0x3F, overrun, evidence, sure)
         if tag == Tag.ACK:
             return Ack(value & 0xFF)
         if tag == Tag.REFUSED:
@@ -272,7 +275,7 @@ def classes_of(run: ClassifierRun, clocks: int) -> list[Class]:
     """Return the classes that a run of the classifier reports before a clock."""
     late = min(run.overruns, default=clocks)
     return [
-        Class(valid, one.winner, valid > late, tuple(one.evidence.tolist()))
+        Class(valid, one.winner, valid > late, tuple(one.evidence.tolist()), one.sure)
         for valid, one in zip(run.valid, run.bins, strict=True)
         if valid < clocks
     ]
@@ -283,7 +286,9 @@ def additions(config: BoardConfig) -> int:
     if config.chip is None:
         return 0
     interval = min(config.chip.classifier.groups, PADDING - 1)
-    features = Feature.CHANGES | Feature.SHORT_EVENTS | (Feature.SENSOR if config.sensor else Feature(0))
+    features = Feature.CHANGES | Feature.SHORT_EVENTS
+    features |= Feature.SENSOR if config.sensor else Feature(0)
+    features |= Feature.EARLY if config.chip.classifier.margin else Feature(0)
     return features | interval << COUNT_BITS
 
 
@@ -301,8 +306,9 @@ class RecordWriter:
         match record:
             case Event(time, address):
                 return self._timed(Tag.EVENT, time, address)
-            case Class(time, winner, overrun, evidence):
-                words = self._timed(Tag.CLASS, time, overrun << ADDRESS_BITS - 1 | winner)
+            case Class(time, winner, overrun, evidence, sure):
+                flags = overrun << ADDRESS_BITS - 1 | sure << ADDRESS_BITS - 2
+                words = self._timed(Tag.CLASS, time, flags | winner)
                 return words + [value & (1 << WORD_BITS) - 1 for value in evidence]
             case Lost(count):
                 return [_word(Tag.LOST, count)]

@@ -15,7 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.board.config import BoardConfig
-from eskin.board.records import STATUS_WORDS, Ack, Event, Record, RecordWriter, Tag, Words, classes_of, hello_values
+from eskin.board.records import (
+    STATUS_WORDS,
+    Ack,
+    Event,
+    Feature,
+    Record,
+    RecordWriter,
+    Tag,
+    Words,
+    additions,
+    classes_of,
+    hello_values,
+)
 from eskin.board.serial_frames import MAX_PAYLOAD, Damaged, Frame, FrameReader, Kind
 from eskin.model.classifier.chip import channels_of, simulate_chip
 from eskin.model.classifier.chip_config import ChipConfig
@@ -79,7 +91,8 @@ class SimulatedBoard:
         assert isinstance(frame, Frame), frame
         if frame.kind == Kind.HELLO:
             self._begin()
-            self._say([Words(Tag.HELLO, hello_values(self.config))])
+            early = additions(self.config) & Feature.EARLY
+            self._say([Words(Tag.HELLO, hello_values(self.config), early)])
             return
         self.taken += 1
         assert frame.sequence == self.taken % 256, frame

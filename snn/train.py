@@ -17,6 +17,7 @@ from torch.nn import functional
 
 from eskin.base.errors import InputError
 from eskin.base.progress import note
+from eskin.model.classifier.config import ClassifierConfig
 from eskin.snn.adam import Adam
 from eskin.snn.calibration import calibrate
 from eskin.snn.checkpoint import Checkpoint, fingerprint, load_checkpoint, save_checkpoint
@@ -193,7 +194,7 @@ def logits_of(
     return np.concatenate(parts) if parts else np.zeros((0, len(data.class_names)), np.float32)
 
 
-def check_fits(config: NetworkConfig, data: ScanData) -> None:
+def check_fits(config: NetworkConfig | ClassifierConfig, data: ScanData) -> None:
     """Check that inputs and classes of a network fit the data."""
     if config.inputs != data.channels:
         raise InputError(

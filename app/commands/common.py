@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -111,6 +111,15 @@ def make_line(target: str, **variables: object) -> str:
     """Return the make command that reproduces a result, without variables that are empty or False."""
     given = {name: 1 if value is True else value for name, value in variables.items() if value}
     return " ".join([f"make {target}", *(f"{name}={value}" for name, value in given.items())])
+
+
+def early_text(answer: Mapping[str, Any]) -> str:
+    """Return the early decision of an answer as text; empty for a network without a margin."""
+    if "early" not in answer:
+        return ""
+    if answer["early"] is None:
+        return ", no early decision"
+    return f", early decision: {answer['early']} after {answer['early_s']:.3g} s"
 
 
 def bit_exact(total: Tally) -> str:

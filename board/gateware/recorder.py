@@ -62,6 +62,7 @@ class Recorder(Component):
                 "class_valid": In(1),
                 "class_index": In(6),
                 "class_overrun": In(1),
+                "class_sure": In(1),
                 "evidence": In(self.classes * self.evidence_bits),  # stays until its last word is written
             }
         super().__init__(ports)
@@ -210,8 +211,8 @@ class Recorder(Component):
         if not self.classes:
             return
         self.has_class, self.kept = Signal(), Signal(ADDRESS_BITS)
-        overrun = Cat(self.class_index, Const(0, ADDRESS_BITS - 7), self.class_overrun)
-        m.d.sync += [self.has_class.eq(self.class_valid), self.kept.eq(overrun)]
+        kept = Cat(self.class_index, Const(0, ADDRESS_BITS - 8), self.class_sure, self.class_overrun)
+        m.d.sync += [self.has_class.eq(self.class_valid), self.kept.eq(kept)]
 
     def _classes(self, m: Module, memory: Any, low: Value, index: Signal, written: Signal) -> None:
         """Add the states that write a class and its evidence."""

@@ -139,6 +139,7 @@ class Core(Component):
             recorder.class_valid.eq(chip.class_valid & run),
             recorder.class_index.eq(chip.class_index),
             recorder.class_overrun.eq(chip.overrun),
+            recorder.class_sure.eq(chip.class_sure if self.config.chip.classifier.margin else 0),
             recorder.evidence.eq(chip.evidence),
         ]
         late: Any = self._skin(m, loader) if self.config.sensor else Const(0, 1)

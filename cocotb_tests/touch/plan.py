@@ -307,10 +307,19 @@ def summarise(plan: Plan) -> dict[str, Any]:
         **(_early(known) if chip.classifier.margin else {}),
         "answers": {
             name: {key: None if said[key] is None else names[said[key]] for key in ("true", "class", "float")}
+            | (_decision(said, chip, names) if chip.classifier.margin else {})
             for name, said in found.items()
             if said
         },
     }
+
+
+def _decision(said: dict[str, Any], chip: ChipConfig, names: Sequence[str]) -> dict[str, Any]:
+    """Return class and seconds of the early decision of an answer, or None in both."""
+    if said["early"] is None:
+        return {"early": None, "early_s": None}
+    bins, found = said["early"]
+    return {"early": names[found], "early_s": bins * chip.classifier.bin_s}
 
 
 def _early(known: list[dict[str, Any]]) -> dict[str, Any]:

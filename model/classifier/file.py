@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -79,6 +80,14 @@ class IntegerWeights:
             raise InputError(f"its notes must be an object, not {notes!r}")
         network = IntegerNetwork(config, **{name: arrays[name] for name in arrays_of(config)})
         return cls(network, tuple(names), notes)
+
+
+def is_integer(path: Path) -> bool:
+    """Return True if a file says that it is an integer network."""
+    with contextlib.suppress(InputError, KeyError, TypeError, ValueError, RecursionError):
+        header = json.loads(str(read_arrays(path, "an integer network", "quantise again")["metadata"]))
+        return bool(header["format"] == formats.INTEGER.name)
+    return False
 
 
 def arrays_of(config: ClassifierConfig) -> dict[str, Any]:

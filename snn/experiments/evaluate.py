@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from eskin.snn.data.bins import BinConfig, bin_recording
 from eskin.snn.data.record import Tick
 from eskin.snn.data.recordings import class_of
 from eskin.snn.data.scans import ScanData, collect
-from eskin.snn.exchange.weights import config_of, load_weights
+from eskin.snn.exchange.weights import Weights, config_of, load_weights
 from eskin.snn.experiments.trained import OTHER, TEST, TRAINING, Trained, result_beside
 from eskin.snn.train import check_fits, logits_of, predicted_classes
 
@@ -48,8 +48,43 @@ def bin_recordings(recordings: Sequence[Recording], trained: Trained) -> ScanDat
         for recording in recordings
     ]
     data = collect(complete, trained.bins, classes)
-    check_fits(config_of(trained.weights.network), data)
+    weights = trained.weights
+    check_fits(config_of(weights.network) if isinstance(weights, Weights) else weights.network.config, data)
     return data
+
+
+class Early(NamedTuple):
+    """Class and seconds of an early decision."""
+
+    predicted: int
+    after_s: float
+
+
+def answers(trained: Trained, data: ScanData) -> tuple[NDArray[Any], list[Early | None] | None]:
+    """Return the logits of scans, and the early decision of each scan; None for a network without a margin.
+
+    The logits of an integer network are its evidence. Shape (scans, classes).
+    """
+    network = trained.weights.network
+    if not isinstance(network, IntegerNetwork):
+        return logits_of(network, data), None
+    evidence = [_evidence_of(network, data, scan) for scan in range(len(data))]
+    margin = network.config.margin
+    early = [_early(one, margin, data.step_s) for one in evidence] if margin else None
+    return np.stack([one[-1] for one in evidence]), early
+
+
+def _evidence_of(network: IntegerNetwork, data: ScanData, scan: int) -> NDArray[np.int64]:
+    """Return the evidence after each bin of a scan, and after the delay of a stack; shape (bins, classes)."""
+    bins = network.run_bins(data.values[[scan], : data.steps_of(scan)])
+    return np.concatenate([state.evidence for state in bins])
+
+
+def _early(evidence: NDArray[np.int64], margin: int, step_s: float) -> Early | None:
+    """Return the early decision, or None without one; the seconds include the delay of a stack."""
+    sure = lead(evidence) >= margin
+    at = int(sure.argmax())
+    return Early(int(evidence[at].argmax()), (at + 1) * step_s) if sure.any() else None
 
 
 def without_unknown_class(recording: Recording, trained: Trained) -> Recording:
@@ -124,7 +159,7 @@ def check_model(
             check.note("tensors", number, f"{rtl.metadata['name']}: {place}: {counts}")
         if progress is not None:
             progress()
-    check.logits = logits_of(trained.weights.network, dataclasses.replace(data, values=values))
+    check.logits, _ = answers(trained, dataclasses.replace(data, values=values))
     for number in compared:
         model, row = check.logits[number], logits[number]
         name = recordings[number].metadata["name"]
@@ -282,14 +317,13 @@ def early_decisions(
     right, decided = np.zeros((2, len(margins), len(labels)), np.bool_)
     seconds = np.zeros((len(margins), len(labels)))
     for image, scan in enumerate(data.first_scans(images)):
-        bins = network.run_bins(data.values[[scan], : data.steps_of(scan)])
-        evidence = np.concatenate([state.evidence for state in bins])
+        evidence = _evidence_of(network, data, scan)
+        last = Early(int(evidence[-1].argmax()), len(evidence) * data.step_s)
         for number, margin in enumerate(margins):
-            sure = lead(evidence) >= margin
-            decided[number, image] = sure.any()
-            at = sure.argmax() if sure.any() else len(evidence) - 1
-            right[number, image] = evidence[at].argmax() == labels[image]
-            seconds[number, image] = (at + 1) * data.step_s
+            early = _early(evidence, margin, data.step_s)
+            decided[number, image] = early is not None
+            predicted, seconds[number, image] = early or last
+            right[number, image] = predicted == labels[image]
     return [
         {
             "margin": margin,
@@ -335,10 +369,12 @@ def predictions(
     trained: Trained,
     scores: dict[str, dict[str, Any]],
     check: Check | None = None,
+    early: Sequence[Early | None] | None = None,
 ) -> dict[str, Any]:
     """Return predictions and logits of every recording, and the accuracy of each group, as a dictionary for JSON.
 
-    - ``logits``: shape (recordings, classes).
+    - ``logits``, ``early``: results of ``answers``. With ``early``, each recording has the class ``early`` and the
+      seconds ``early_s``, or None in both.
     - ``scores``: result of ``scores``.
     - ``check``: result of ``check_model``.
     """
@@ -353,12 +389,16 @@ def predictions(
             "predicted": names[row.argmax()],
             "logits": row.tolist(),
         }
+        if early is not None:
+            decision = early[number]
+            image["early"] = None if decision is None else names[decision.predicted]
+            image["early_s"] = None if decision is None else decision.after_s
         if check is not None and number in check.compared:
             image["model_predicted"] = names[check.logits[number].argmax()]
         images.append(image)
     report: dict[str, Any] = {
         "class_names": list(names),
-        "step_s": trained.weights.step_s,
+        "step_s": trained.bins.bin_s,
         "readout": recordings[0].config.to_dict(),
         "accuracy": {part if trained.parts else "all": score for part, score in scores.items()},
     }

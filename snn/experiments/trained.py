@@ -11,6 +11,7 @@ from torch import nn
 
 from eskin.base.errors import InputError
 from eskin.base.files import read_json
+from eskin.model.classifier.file import IntegerWeights, is_integer
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.recordings.trained_on import OwnReadout
@@ -110,10 +111,10 @@ def _missing(path: Path) -> str:
 class Trained:
     """A network from a file, with the result of its training."""
 
-    weights: Weights
+    weights: Weights | IntegerWeights
     bins: BinConfig
     """Time bins of the training; without a training result, the defaults with the step of the weights."""
-    parts: dict[str, str] = field(default_factory=dict)
+    parts: Mapping[str, str] = field(default_factory=dict)
     """TEST or TRAINING by image name; empty if unknown."""
     dataset: str | None = None
     """Name of the dataset of the images, or of the folder of recordings; None for other event files."""
@@ -125,6 +126,8 @@ class Trained:
     """Preparation and readout of the user's recordings in the training."""
     of_recordings: bool = False
     """True if the training used event files instead of textures."""
+    rest: str = OTHER
+    """Group of the images of the dataset that ``parts`` does not name."""
 
     def other_fields(self, config: ReadoutConfig) -> list[str]:
         """Return a text for each field in which a readout differs from the readout of the training."""
@@ -138,14 +141,18 @@ class Trained:
     def part_of(self, recording: Recording) -> str:
         """Return the group of a recording: TEST, TRAINING or OTHER."""
         other = self.dataset is not None and recording.metadata.get("dataset") != self.dataset
-        return OTHER if other else self.parts.get(str(recording.metadata.get("name")), OTHER)
+        return OTHER if other else self.parts.get(str(recording.metadata.get("name")), self.rest)
 
 
 def load_trained(path: Path) -> Trained:
     """Return the network from a weight file, with bins and folds from ``result.json`` beside it.
 
+    An integer network has them in its notes.
+
     Raise InputError if a file is missing or damaged, the two do not belong together, or the network takes frames.
     """
+    if is_integer(path):
+        return _of_notes(path)
     weights = load_weights(path)
     result = result_beside(path, weights)
     if result is None:
@@ -166,6 +173,25 @@ def load_trained(path: Path) -> Trained:
     except InputError as error:
         return replace(found, unknown=str(error))
     return replace(found, parts=parts, dataset=dataset)
+
+
+def _of_notes(path: Path) -> Trained:
+    """Return an integer network with the notes on its training."""
+    weights = IntegerWeights.load(path)
+    try:
+        said = weights.notes["training"]
+        own = None if said["recordings"] is None else OwnReadout.from_dict(said["recordings"])
+        readout = ReadoutConfig.from_dict(said["readout"]) if own is None else own.config
+        bins = BinConfig(bin_s=said["bin_s"], polarity=weights.network.config.inputs > readout.taxels)
+        dataset = said["dataset"]
+        parts = {} if dataset is None else dict.fromkeys(said["tested"], TEST)
+    except (KeyError, TypeError, ValueError):
+        raise InputError(
+            f"{path} lacks notes on its training; quantise again, with result.json of the training beside its weights"
+        ) from None
+    unknown = f"{path.name} does not name the images of its training"
+    rest = TRAINING if parts else OTHER
+    return Trained(weights, bins, parts, dataset, unknown, readout, own, said["preset"] is None, rest)
 
 
 def accuracies_on_test(

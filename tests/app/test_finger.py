@@ -63,18 +63,29 @@ def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(call: Call, f
     assert [name.endswith("_1") for name in answers] == [True, True], "learned recordings are left out"
     network = IntegerWeights.load(Path("out/train/whole.npz")).network
     whole = integer_classes(network, data, images)
-    (early,) = early_decisions(network, data, images, [network.config.margin])
-    assert early["decided"] == summary["decided"] > 0
-    assert early["right"] == summary["right_early"]
+    (decided,) = early_decisions(network, data, images, [network.config.margin])
+    assert decided["decided"] == summary["decided"] > 0
+    assert decided["right"] == summary["right_early"]
     assert 0 < summary["early_share"] < 1
-    assert f"early decisions: {early['right']} of 2 right after " in out
+    assert f"early decisions: {decided['right']} of 2 right after " in out
     assert [answer["class"] for answer in answers.values()] == [data.class_names[found] for found in whole]
     assert [f"{name}: {answer['class']}, " in out for name, answer in answers.items()] == [True, True]
+    out = done("predict out/train/whole.npz --data finger")
+    images = {one["name"]: one for one in json.loads(Path("out/predictions.json").read_text())["images"]}
+    assert {images[name]["part"] for name in answers} == {"test"}
+    assert [name for name, one in images.items() if one["part"] == "training"] == [n for n in images if n[-1] == "0"]
+    for name, answer in answers.items():
+        assert images[name]["predicted"] == answer["class"]
+        assert (images[name]["early"], images[name]["early_s"]) == (answer["early"], answer["early_s"])
+    assert re.search(r"^early decisions: \d+ of 24 right; \d+ reached the margin$", out, re.MULTILINE)
+    code, _, err = call("predict out/train/whole.npz --data finger --metrics")
+    assert (code, "--metrics needs the float weights" in err) == (2, True)
     out = done("touch --data new --limit 1")
     name, found = next(iter(json.loads(Path("out/touch/new/summary.json").read_text())["answers"].items()))
     assert found["true"] is None
     assert found["class"] in data.class_names
-    assert f"{name}: {found['class']}\n" in out
+    early = f"{found['early']} after {found['early_s']:.3g} s"
+    assert f"{name}: {found['class']}, early decision: {early}\n" in out
     assert out.splitlines()[-1].endswith(" events, 0 mismatches, true classes not known")
 
 

@@ -45,7 +45,7 @@ def small_chip() -> ChipConfig:
     """Return a chip with short bins, in which bursts must wait."""
     readout = ReadoutConfig(rows=3, columns=5, resolution=6, clocks_per_sample=64)
     network = ClassifierConfig(inputs=30, hidden=10, classes=3, threshold=60, floor=-200, lanes=2, bin_s=0.0003)
-    return ChipConfig(readout=readout, classifier=network.replace(out_threshold=100, out_floor=-200))
+    return ChipConfig(readout=readout, classifier=network.replace(out_threshold=100, out_floor=-200, margin=2))
 
 
 def walk(ticks: int, taxels: int) -> np.ndarray:
@@ -171,6 +171,7 @@ def test_a_recording_on_the_board_gives_the_events_and_classes_of_the_model(host
     found, verdict = said["clean"]["out"].splitlines()
     assert verdict == "events and classes equal the model's"
     assert len(whole) > 300
+    assert ": c, early decision: c after 0.0009 s; " in found, "of the third bin"
     assert np.array_equal(recordings["raw"].events, whole)
     assert said["raw"]["out"].splitlines() == [found.replace("clean.npz", "raw.npz"), "not compared with the model"]
     assert said["clean"]["bytes"] < said["raw"]["bytes"] - TICKS * chip.readout.taxels

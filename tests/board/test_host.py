@@ -33,6 +33,7 @@ from eskin.board.records import (
     Ack,
     Class,
     Event,
+    Feature,
     Lost,
     Reason,
     Record,
@@ -41,12 +42,15 @@ from eskin.board.records import (
     Refused,
     Tag,
     Words,
+    additions,
     hello_values,
 )
 from eskin.board.serial_frames import FLAG, Damaged, Frame, FrameReader, Kind
 from eskin.board.session import Received, foreign_events, listen, load, observed_clocks, recording
 from eskin.board.simulated import SimulatedReceiver
 from eskin.board.udp import UdpSender
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.skin.foreign.address_map import AddressMap
@@ -55,7 +59,14 @@ FRAMES = st.builds(Frame, st.integers(0, 255), st.integers(0, 255), st.binary(ma
 TIMES = st.integers(0, 1 << 40)
 RECORDS = st.one_of(
     st.builds(Event, TIMES, st.integers(0, 4095)),
-    st.builds(Class, TIMES, st.integers(0, 2), st.booleans(), st.tuples(*[st.integers(-(1 << 31), (1 << 31) - 1)] * 3)),
+    st.builds(
+        Class,
+        TIMES,
+        st.integers(0, 2),
+        st.booleans(),
+        st.tuples(*[st.integers(-(1 << 31), (1 << 31) - 1)] * 3),
+        st.booleans(),
+    ),
     st.builds(Lost, st.integers(0, (1 << 28) - 1)),
     st.builds(Ack, st.integers(0, 255)),
     st.builds(Refused, st.integers(0, 255), st.integers(0, 255), st.sampled_from(sorted(Reason))),
@@ -114,6 +125,19 @@ def test_records_come_back_however_the_frames_are_cut(records: list[Record], wor
 def test_records_that_the_board_cannot_send_are_refused(data: bytes, sentence: str) -> None:
     with pytest.raises(InputError, match=f"^the board sent {sentence}; load its bitstream again$"):
         list(RecordReader(classes=2, addresses=16).feed(data))
+
+
+def test_a_board_that_sends_no_early_decisions_is_refused() -> None:
+    network = ClassifierConfig(inputs=32, hidden=4, classes=2, margin=3)
+    config = BoardConfig(chip=ChipConfig(readout=ReadoutConfig(rows=2, columns=8), classifier=network))
+
+    def answer(frame: Frame, board: FakeBoard) -> bytes:
+        return board.say(Words(Tag.HELLO, hello_values(config), features))
+
+    for features in (additions(config) & ~Feature.EARLY, additions(config)):
+        refused = pytest.raises(InputError, match="the board sends no early decisions; build its bitstream again")
+        with linked(answer) as (link, _), contextlib.nullcontext() if features & Feature.EARLY else refused:
+            link.hello("player", config)
 
 
 # -- journal -----------------------------------------------------------------------------------------
@@ -365,7 +389,7 @@ def test_listening_asks_and_ends(tmp_path: Path) -> None:
 def test_the_page_shows_what_came() -> None:
     view = View(ReadoutConfig(rows=2, columns=4), 1e6, 0.036, ("wood", "wool"), 300)
     events = [(250, 3, 0, True), (260, 3, 0, True), (330, 0, 1, False)]
-    view([Class(400, 1, False, (-4, 9)), Lost(2)], events, 0.002)
+    view([Class(400, 1, False, (-4, 9), True), Lost(2)], events, 0.002)
     with served(view, 0) as port:
         place = f"http://127.0.0.1:{port}/"
         said = json.loads(urllib.request.urlopen(f"{place}state").read())
@@ -378,6 +402,7 @@ def test_the_page_shows_what_came() -> None:
     assert said["steps"] == [[2, [[7, 2]]], [3, [[8, 1]]]]
     assert view.state(said["number"], since=3)["steps"] == [[3, [(8, 1)]]]
     assert (said["class"], said["evidence"], said["events"], said["lost"]) == ("wool", [-4, 9], 3, 2)
+    assert said["early"] == ["wool", 0.0003]
     assert said["class_latency_s"] == [101e-6, 101e-6]
     assert said["host_latency_s"] == [0.002, 0.002]
     assert "http" not in page.replace("http-equiv", "")

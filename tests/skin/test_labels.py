@@ -1,6 +1,7 @@
 """Test labels in time: windows, runs, groups, and training at any rate."""
 
 import itertools
+import json
 from pathlib import Path
 
 import numpy as np
@@ -159,3 +160,14 @@ def test_slip_is_trained_with_files_as_groups(folder: Path, call: Call) -> None:
     wanted = ["no" if float(row[1]) <= 2 else "yes" for row in rows[1:]]
     assert sum(row[2] == kind for row, kind in zip(rows[1:], wanted, strict=True)) >= 13
     assert Path("p.png").stat().st_size > 3000
+    assert call(f"quantise --margin {2**21}")[0] == 0
+    code, output, error = call("predict out/train/whole.npz --data new.csv --out early.json")
+    assert code == 0, error
+    rows = [row.split(",") for row in Path("early.csv").read_text().splitlines()]
+    assert rows[0] == ["file", "end_s", "predicted", "class", "early", "early_s"]
+    images = json.loads(Path("early.json").read_text())["images"]
+    assert [row[4:] for row in rows[1:]] == [
+        ["", ""] if image["early"] is None else [image["early"], f"{image['early_s']:.3f}"] for image in images
+    ]
+    said = [line.partition(", ")[2] for line in output.splitlines() if "class: not known" in line]
+    assert {text.split()[0] for text in said} == {"no", "early"}, "some windows decide, others do not"

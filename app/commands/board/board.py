@@ -102,7 +102,9 @@ def play(
         if received.classes
         else "no class, because no bin was complete"
     )
-    echo(f"{name}: {found}; {len(received.events)} events, {len(received.classes)} bins; {out}")
+    early = dict(zip(("early", "early_s"), view.early or (None, None), strict=True)) if chip.classifier.margin else {}
+    events = f"{len(received.events)} events, {len(received.classes)} bins"
+    echo(f"{name}: {found}{common.early_text(early)}; {events}; {out}")
     if codes is None:
         if late := received.counts.get("lost", 0):
             common.fail(f"LATE {late} scans: the serial line was too slow for the events")

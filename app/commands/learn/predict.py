@@ -18,9 +18,6 @@ from eskin.base.progress import bar
 from eskin.base.units import counted
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from eskin.model.events.recording import Recording
     from eskin.snn.experiments.evaluate import Check
     from eskin.snn.experiments.trained import Trained
@@ -38,7 +35,7 @@ MAX_CLASSES = 12  # classes of a printed confusion matrix
     },
 )
 def predict(
-    weights: Path = arg(TRAINED, "WEIGHTS.npz", "trained network"),
+    weights: Path = arg(TRAINED, "WEIGHTS.npz", "trained network, or the integer network of eskin quantise"),
     events: list[Path] | None = opt(
         None, "--events", "DIR|FILE", "event files, also of other programs; repeatable [out/replay, or those of --data]"
     ),
@@ -64,6 +61,7 @@ def predict(
     from eskin.skin.foreign.files import is_foreign
     from eskin.snn.data.recordings import event_files, read_recordings
     from eskin.snn.exchange.neurobench import measure
+    from eskin.snn.exchange.weights import Weights
     from eskin.snn.experiments import evaluate as work
     from eskin.snn.experiments.trained import load_trained
 
@@ -73,6 +71,8 @@ def predict(
             "--data with --events only names the samples for --check-model; add --check-model, or leave --data out"
         )
     trained = load_trained(weights)
+    if metrics and not isinstance(trained.weights, Weights):
+        raise InputError(f"--metrics needs the float weights, and {weights} is an integer network; leave --metrics out")
     if not events and data is None and trained.own is None:
         events = [Path("out/replay")]
     files = event_files(events or [_own_events(trained, data, check_model)])
@@ -84,20 +84,21 @@ def predict(
     if not events:
         recordings = [work.without_unknown_class(recording, trained) for recording in recordings]
     counts = work.bin_recordings(recordings, trained)
-    logits = work.logits_of(trained.weights.network, counts)
+    logits, early = work.answers(trained, counts)
     scores = work.scores(recordings, counts, logits, trained)
     found = counted(len(counts), "recording")
     print(f"{found}; {counts.steps} steps of {counts.channels} channels, {counts.step_s:g} s each")
     if other := trained.other_fields(recordings[0].config):
         print(f"warning: the readout differs from the readout of the training: {'; '.join(other)}", file=sys.stderr)
-    _print_recordings(recordings, logits, trained)
-    _print_scores(scores, trained)
     check = None
     if check_model:
         with bar("model", len(files)) as step:
             check = work.check_model(recordings, counts, logits, trained, dataset, data, step)
-    report = work.predictions(recordings, logits, trained, scores, check)
+    report = work.predictions(recordings, logits, trained, scores, check, early)
+    _print_recordings(report["images"])
+    _print_scores(scores, trained)
     if metrics:
+        assert isinstance(trained.weights, Weights)
         report["metrics"] = measure(trained.weights.network, counts)
         _print_metrics(report["metrics"])
     write_json(out, report)
@@ -170,17 +171,19 @@ def _print_metrics(found: dict[str, Any]) -> None:
     )
 
 
-def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float32], trained: Trained) -> None:
+def _print_recordings(images: Sequence[dict[str, Any]]) -> None:
     """Print the predictions of recordings; skip recordings with a class if the list is long.
 
     A list is long with more than ``MAX_LINES`` recordings.
     """
-    from eskin.snn.data.recordings import class_of
-
-    for recording, row in zip(recordings, logits, strict=True):
-        if len(recordings) <= MAX_LINES or class_of(recording) is None:
-            predicted = trained.weights.class_names[row.argmax()]
-            echo(f"{recording.metadata['name']}: {predicted} (class: {class_of(recording) or 'not known'})")
+    for image in images:
+        if len(images) <= MAX_LINES or image["class"] is None:
+            said = f"{image['predicted']} (class: {image['class'] or 'not known'})"
+            echo(f"{image['name']}: {said}{common.early_text(image)}")
+    if "early" in images[0] and (known := [image for image in images if image["class"] is not None]):
+        right = sum((image["early"] or image["predicted"]) == image["class"] for image in known)
+        decided = sum(image["early"] is not None for image in known)
+        print(f"early decisions: {right} of {len(known)} right; {decided} reached the margin")
 
 
 def _print_scores(scores: dict[str, dict[str, Any]], trained: Trained) -> None:

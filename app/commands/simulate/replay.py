@@ -160,7 +160,7 @@ def _conclude_touch(plan: TouchPlan, now: dict[str, Any], noun: str) -> None:
     summary = origin(plan.repeat_command) | summary | {"played_now": now}
     for name, answer in list(summary["answers"].items())[:MAX_LINES]:
         judged = "" if answer["true"] is None else ", right" if answer["class"] == answer["true"] else ", wrong"
-        echo(f"{name}: {answer['class']}{judged}")
+        echo(f"{name}: {answer['class']}{judged}{common.early_text(answer)}")
     if (more := len(summary["answers"]) - MAX_LINES) > 0:
         print(f"... and {more} more, in summary.json")
     write_json(plan.folder / "summary.json", summary)
@@ -179,7 +179,7 @@ def _conclude_touch(plan: TouchPlan, now: dict[str, Any], noun: str) -> None:
     )
     echo(f"answers: {plan.folder / 'summary.json'}" + (f"; picture: {picture}" if picture else ""))
     windows = over_time(
-        [{"name": n, "predicted": a["class"], "class": a["true"]} for n, a in summary["answers"].items()]
+        [a | {"name": n, "predicted": a["class"], "class": a["true"]} for n, a in summary["answers"].items()]
     )
     if windows:
         table, drawn = plan.folder / "over_time.csv", plan.folder / "over_time.png"
