@@ -107,7 +107,9 @@ def _epoch(
 ) -> Epoch:
     """Train on every training scan once."""
     generator = np.random.default_rng([seed, number])
-    torch.manual_seed(int(generator.integers(2**62)))  # dropout
+    dropout = int(generator.integers(2**62))
+    # torch.manual_seed also queues a call with a traceback for every absent accelerator: half the time of small data
+    (torch.default_generator if device == "cpu" else torch).manual_seed(dropout)
     network = training.network.train()
     training.optimizer.learning_rate = config.rate_at(number)
     order = generator.permutation(np.repeat(scans, config.windows))
