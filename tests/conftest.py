@@ -46,16 +46,21 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-@pytest.fixture
-def shorter(monkeypatch: pytest.MonkeyPatch) -> None:
+def shorten(patch: pytest.MonkeyPatch) -> None:
     """Shorten the trainings that choose settings for recordings, and the training without ``--epochs``."""
     from eskin.snn import encoder_choice
     from eskin.snn.experiments import inner, recipes
 
-    monkeypatch.setattr(encoder_choice, "UPDATES", (30, 10, 10, 30))
+    patch.setattr(encoder_choice, "UPDATES", (30, 10, 10, 30))
     for module in (encoder_choice, inner):
-        monkeypatch.setattr(module, "FEW", 0)
-    monkeypatch.setattr(recipes, "UPDATES", 300)
+        patch.setattr(module, "FEW", 0)
+    patch.setattr(recipes, "UPDATES", 300)
+
+
+@pytest.fixture
+def shorter(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shorten trainings by ``shorten``."""
+    shorten(monkeypatch)
 
 
 def run_eskin(*arguments: object, program: typer.Typer = app) -> subprocess.CompletedProcess[str]:

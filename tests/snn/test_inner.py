@@ -122,6 +122,7 @@ def test_a_network_that_is_worse_than_a_reference_is_called_so() -> None:
     assert len(sentences(once, False)) == 4, "one recording is within the interval"
 
 
+@pytest.mark.usefixtures("shorter")
 def test_the_delivered_network_can_be_trained_on_all_recordings(folder: Path, eskin: Any) -> None:
     write_skin(folder / "skin", taxels=4, each=6)
     given = "--encoding lcs --resolution 4 --baseline first --epochs 8 --set hidden=8"
@@ -141,6 +142,7 @@ def test_the_delivered_network_can_be_trained_on_all_recordings(folder: Path, es
     assert "weights.npz was trained on all recordings, so --accuracy has no test recordings" in error
 
 
+@pytest.mark.usefixtures("shorter")
 def test_a_training_on_all_recordings_leaves_another_one_alone(folder: Path, eskin: Any) -> None:
     write_skin(folder / "skin", taxels=4, each=6)
     given = "train --data skin --folds 2 --encoding lcs --resolution 4 --baseline first --epochs 1 --set hidden=8"

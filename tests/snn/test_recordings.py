@@ -27,7 +27,7 @@ from eskin.snn.exchange.weights import save_weights
 from eskin.snn.experiments.points import load_sweep
 from studies import fig8, fig9
 from studies.networks import trained_networks
-from tests.conftest import run_eskin
+from tests.conftest import run_eskin, shorten
 from tests.skins import CLASSES as TOUCHES
 from tests.skins import counts, write_csv, write_skin
 from tests.snn.helpers import some_weights
@@ -173,7 +173,8 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("own")
     write_skin(folder / "skin", taxels=4, each=8, jitter_s=0.003)
     (folder / "skin" / "none").mkdir()
-    with contextlib.chdir(folder):
+    with contextlib.chdir(folder), pytest.MonkeyPatch.context() as patch:
+        shorten(patch)
         done = run_eskin(*f"train {OWN} --folds 2".split())
     assert done.returncode == 0, done.stderr
     assert "warning: folder skin/none contains no recording" in done.stderr
@@ -268,6 +269,7 @@ def test_fig8_and_sweep_take_own_recordings(
     assert "--baseline median" in load_sweep(Path("out/sweep")).command
 
 
+@pytest.mark.usefixtures("shorter")
 def test_a_bin_is_no_shorter_than_a_sample_of_own_recordings(folder: Path, eskin: Any) -> None:
     write_skin(folder / "skin", taxels=4, each=3)
     given = "--encoding lcs --resolution 3 --folds 3 --epochs 1 --set hidden=8"
