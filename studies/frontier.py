@@ -61,11 +61,14 @@ NOISE_V = 1e-3
 """AFE noise at which power is given: the middle one of the paper's Fig. 6."""
 
 _LEAKY = {"recipe": "tuned", "hidden": 128, "learning_rate": 3e-3}
+_LEAKY_2MS = _LEAKY | {"bin_s": 0.002, "shift_steps": 20, "decay": 0.9, "output_decay": 0.975}
 
 NETWORKS: dict[str, dict[str, dict[str, Any]]] = {
     "physical": {
         "leaky": _LEAKY,
-        "leaky-2ms": _LEAKY | {"bin_s": 0.002, "shift_steps": 20, "decay": 0.9, "output_decay": 0.975},
+        "leaky-2ms": _LEAKY_2MS,
+        "leaky-96": _LEAKY_2MS | {"start_rows": 96},
+        "leaky-96-dropout": _LEAKY_2MS | {"start_rows": 96, "dropout": 0.1},
         "convolutions": {"recipe": "cnn", "hidden": 128, "learning_rate": 3e-3},
         "paper": {"recipe": "paper"},
     },
@@ -119,8 +122,22 @@ COMPARED = {"physical": ("leaky-2ms", "convolutions"), "paper": ("leaky", "convo
 INNER = 2
 """Folds of inner validation by which a readout is chosen at a budget."""
 
-SEEDS = {("convolutions", 1_000): 3, ("convolutions", 2_200): 3, ("leaky-2ms", 2_200): 3}
+SEEDS = {
+    ("convolutions", 1_000): 3,
+    ("convolutions", 2_200): 3,
+    ("leaky-2ms", 2_200): 3,
+    ("leaky-96", 2_200): 3,
+}
 """Seeds of the chosen readouts, by network and budget; one elsewhere."""
+
+MORE_HEIGHTS: dict[int, tuple[str, ...]] = {
+    1_000: ("nlcs-bipolar:2/12x16:across:6", "nlcs-bipolar:1/24x8:across:22"),
+    2_200: ("nlcs-bipolar:2/12x16:across:12",),
+}
+"""Readouts and taxels that are tried with 96 scans of each image, by budget."""
+
+VALIDATED: dict[int, tuple[str, ...]] = {1_000: ("physical/leaky-96-dropout/nlcs-bipolar:1/24x8:across:22",)}
+"""Points for which inner validation alone was made, by budget: they cannot be chosen."""
 
 ALSO: dict[str, int] = {
     "physical/leaky/lcs:2/12x16:across:12": 3,
@@ -149,7 +166,7 @@ TITLES = {
     "convolutions": "1-D convolutions",
     "paper": "the paper's network",
 }
-"""Networks of the frontier in words."""
+"""Networks in the figure, in words."""
 
 AXES = {"rate_hz": "events/s", "bits_per_s": "bits/s", "power_w": "power of the readout (W, 1 mV of noise)"}
 """Rows of panels: a field of the points, and its label. Frames have no event rate; some readouts have no power."""
@@ -204,6 +221,7 @@ class Point:
         kind, _, number = self.readout.partition(":")
         (rows, columns), choice = self.skin
         readout, frames = ReadoutConfig(rows=rows, columns=columns), self.readout
+        scans = {name: settings.pop(name, value) for name, value in SCANS[self.preset].items()}
         if kind not in get_args(FrameKind):
             if not number.isdigit():
                 raise InputError(f"a readout must be ENCODER:RESOLUTION or frames, not {self.readout!r}")
@@ -211,13 +229,13 @@ class Point:
         return experiment_of(
             settings.pop("recipe"),
             settings,
-            SCANS[self.preset]["epochs"],
+            scans["epochs"],
             BinConfig(bin_s=settings.pop("bin_s", BinConfig().bin_s)),
             frames or None,
             dataset=dataset,
             preset=self.preset,
             readout=readout,
-            start_rows=SCANS[self.preset]["start_rows"],
+            start_rows=scans["start_rows"],
             taxels=() if choice == "all" else choose(choice, rows, columns),
         )
 
@@ -355,16 +373,18 @@ class Frontier:
             "rate_hz": rate_hz,
             "bits_per_s": rate_hz * experiment.bits_per_event,
             "accuracy": float(np.mean(right)),
+            **{name: float(np.mean([cell[name] for cell in cells])) for name in ("of_scans", "learned")},
         }
 
-    def chosen(self, points: Sequence[Point], step: Step) -> tuple[Point, list[dict[str, Any]]]:
+    def chosen(self, points: Sequence[Point], step: Step, by: str = "accuracy") -> tuple[Point, list[dict[str, Any]]]:
         """Return the point that is best in inner validation, and the inner validation of all.
 
-        Among equals the point with the lowest data rate is best.
+        Among equals the point with the lowest data rate is best. ``by`` may be ``of_scans``: the accuracy on all scans
+        of the images, not only on the first.
         """
         self.train([cell for point in points for cell in inner_cells(point)], step)
         found = [self.inner(point, INNER) for point in points]
-        best = max(range(len(found)), key=lambda n: (found[n]["accuracy"], -found[n]["bits_per_s"]))
+        best = max(range(len(found)), key=lambda n: (found[n][by], -found[n]["bits_per_s"]))
         return points[best], found
 
     def point(self, point: Point, seeds: int) -> dict[str, Any]:
@@ -377,6 +397,8 @@ class Frontier:
             labels = as_word(np.concatenate([cell["labels"] for cell in own])[order])
             words.append(as_word(np.concatenate([cell["predicted"] for cell in own])[order]))
         more: dict[str, Any] = {"trivial": self.trivial(point)}
+        if all("of_scans" in cell for cell in cells):
+            more["of_scans"] = float(np.mean([cell["of_scans"] for cell in cells]))
         inner = self._known(inner_cells(point))
         timed, judged = ([cell for cell in found if "answers" in cell] for found in (cells, inner))
         if timed and judged:
@@ -391,7 +413,18 @@ def measured(run: Frontier, step: Step) -> tuple[list[dict[str, Any]], list[dict
     budget has none.
     """
     seeds = {Point.parse(name): number for name, number in ALSO.items()}
-    inner = []
+    inner: list[dict[str, Any]] = []
+
+    def choose_of(tried: list[Point], budget_hz: int, least: int, by: str = "accuracy") -> dict[str, Any]:
+        """Note the inner validations of points, and measure the best one; return its inner validation."""
+        point, validated = run.chosen(tried, step, by)
+        inner.extend(
+            one | {"budget_hz": budget_hz, "chosen": other == point}
+            for one, other in zip(validated, tried, strict=True)
+        )
+        seeds[point] = max(seeds.get(point, 0), least)
+        return validated[tried.index(point)]
+
     for preset, networks in COMPARED.items():
         for network in networks:
             for budget_hz in BUDGETS_HZ:
@@ -403,14 +436,15 @@ def measured(run: Frontier, step: Step) -> tuple[list[dict[str, Any]], list[dict
                         tried = candidates(preset, network, kind, budget_hz)
                     if not tried:  # even the slowest frames need more bits than these events
                         continue
-                    point, validated = run.chosen(tried, step)
+                    best = choose_of(tried, budget_hz, SEEDS.get((network, budget_hz), 1))
                     if kind == "lcs":
-                        bits_per_s = validated[tried.index(point)]["bits_per_s"]
-                    inner += [
-                        one | {"budget_hz": budget_hz, "chosen": other == point}
-                        for one, other in zip(validated, tried, strict=True)
-                    ]
-                    seeds[point] = max(seeds.get(point, 0), SEEDS.get((network, budget_hz), 1))
+                        bits_per_s = best["bits_per_s"]
+    for budget_hz, texts in MORE_HEIGHTS.items():
+        tried = [Point.parse(f"physical/leaky-96/{text}") for text in texts]
+        choose_of(tried, budget_hz, SEEDS.get(("leaky-96", budget_hz), 1), "of_scans")
+        tried = [Point.parse(name) for name in VALIDATED.get(budget_hz, ())]
+        run.train([cell for point in tried for cell in inner_cells(point)], step)
+        inner += [run.inner(point, INNER) | {"budget_hz": budget_hz, "chosen": False} for point in tried]
     run.train([cell for point, number in seeds.items() for cell in cells_of(point, number)], step)
     return [run.point(point, number) for point, number in seeds.items()], inner
 
@@ -454,7 +488,10 @@ def judged_of(data: ScanData, fold: int, seed: int, inner: bool) -> tuple[Any, A
 def train_cells(
     data: ScanData, experiment: Experiment, trainings: Sequence[tuple[int, int]], inner: bool, device: str
 ) -> list[dict[str, Any]]:
-    """Return the predictions of networks after their last epoch, for pairs of fold and seed."""
+    """Return the predictions of networks after their last epoch, for pairs of fold and seed.
+
+    ``of_scans`` and, in inner validation, ``learned`` are the accuracies on all scans of the judged and learned images.
+    """
     import torch
 
     from eskin.snn.batched_training import train_together
@@ -469,15 +506,27 @@ def train_cells(
         networks = train_together(data, learned, seeds, config, experiment.train, device)
     else:
         networks = [train(Split(data, learned[0]), config, experiment.train, trainings[0][1], device=device).network]
-    return [
-        {
+    found = []
+    for network, (own, judged) in zip(networks, splits, strict=True):
+        cell = {
             "images": judged.tolist(),
             "labels": data.image_labels[judged].tolist(),
             "predicted": predicted_classes(network.to(device), data, judged, device).tolist(),
+            "of_scans": right_scans(network, data, judged, device),
             **course_of(network, data, judged, device),
         }
-        for network, (_, judged) in zip(networks, splits, strict=True)
-    ]
+        if inner:
+            cell["learned"] = right_scans(network, data, own, device)
+        found.append(cell)
+    return found
+
+
+def right_scans(network: Any, data: ScanData, images: NDArray[np.int64], device: str) -> float:
+    """Return the accuracy of a network on all scans of images."""
+    from eskin.snn.train import logits_of
+
+    scans = data.scans_of(images)
+    return float((logits_of(network, data, scans, device).argmax(1) == data.labels[scans]).mean())
 
 
 def trivial_of(data: ScanData) -> float:
@@ -618,7 +667,9 @@ def draw_frontier(data: Data) -> Figure:
     from matplotlib.lines import Line2D
 
     chosen = {one["name"] for one in data["inner"] if one["chosen"]}
-    points_shown = [point for point in data["points"] if not chosen or point["name"] in chosen]
+    points_shown = [
+        point for point in data["points"] if point["network"] in TITLES and (not chosen or point["name"] in chosen)
+    ]
     of_columns: dict[tuple[str, str], list[Data]] = {}
     for point in points_shown:
         of_columns.setdefault((point["preset"], point["network"]), []).append(point)

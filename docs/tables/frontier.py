@@ -16,6 +16,9 @@ FRAMES_OF_POWER = "physical/leaky-2ms/frame-onoff:250:8:6/12x16:across:12"
 
 NETWORKS = {"leaky": "leaky", "leaky-2ms": "leaky", "convolutions": "convolutions", "paper": "the paper's"}
 
+SAND, STONE = "3", "5"
+"""Classes in the stored answers."""
+
 Data = dict[str, Any]
 
 
@@ -128,6 +131,45 @@ def frontier() -> None:
                 )
             rows.append([f"{preset}, {NETWORKS[network]}", filled("{kind:E}", {"kind": kind}), *cells])
     table(["scan, network", "readout", *(f"about {budget:,} events/s" for budget in budgets)], rows)
+
+
+def more_scans() -> Rows:
+    """Yield a row for each readout of bipolar N-LCS that was tried with 96 scans of each image."""
+    data = read("docs/data/frontier.json")
+    for one in data["inner"]:
+        _, network, readout, choice = one["name"].split("/")
+        if network.startswith("leaky-96"):
+            skin, _, taxels = choice.split(":")
+            line = f"{readout.rpartition(':')[2]} b, {taxels} taxels of {skin.replace('x', ' x ')}"
+            if network != "leaky-96":
+                line += f", dropout {data['training']['networks']['physical'][network]['dropout']}"
+            line += filled(" | {rate_hz:,.0f} | {learned:100*.1f} % | {of_scans:100*.1f} % | ", one)
+            test = "{of_scans:100*.1f} % | {row:%}, seeds: {seeds}"
+            yield line + (filled(test, at(one["name"])) if one["chosen"] else "not tested | ")
+
+
+def more_scans_values() -> Data:
+    """Return the readouts that were chosen with 96 scans of each image, by budget, and compare them with 24 scans."""
+    few, more = chosen("physical", "leaky-2ms"), chosen("physical", "leaky-96")
+    claims = compared({key: _answers(few[key], point) for key, point in more.items()})
+    points = {budget: point for (_, budget), point in more.items()}
+    errors = [
+        {label, answer}
+        for point in points.values()
+        for word in point["predictions"]
+        for label, answer in zip(point["labels"], word, strict=True)
+        if label != answer
+    ]
+    found = counted(claims.values())
+    return found | {
+        "significant": found["more"] + found["less"],
+        "p": [claim.p for claim in claims.values()],
+        "taxels": {budget: len(point["taxels"]) for budget, point in points.items()},
+        "rate": {budget: point["rate_hz"] for budget, point in points.items()},
+        "test": points,
+        "errors": len(errors),
+        "confused": errors.count({SAND, STONE}),
+    }
 
 
 def power_of_frames() -> float:

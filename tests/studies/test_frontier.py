@@ -101,13 +101,14 @@ def test_a_run_goes_on_and_inner_validation_sees_no_test_image(tmp_path: Path, m
     def spy(data: Any, _: Experiment, trainings: Any, inner: bool, device: str) -> list[dict[str, Any]]:
         assert inner
         assert {seed for _, seed in trainings} == {0}
-        return [{"labels": [fold], "predicted": [fold if fold else 9], "scans": len(data)} for fold, _ in trainings]
+        return [{"labels": [fold], "predicted": [fold or 9], "of_scans": 0.3, "learned": fold} for fold, _ in trainings]
 
     monkeypatch.setattr(frontier, "train_cells", spy)
     monkeypatch.setattr(frontier, "SCANS", {"physical": {"start_rows": 1, "epochs": 1}})
     made = Frontier(Store(None, ""), Local(1), "embedded")
     made.train(inner_cells(point), lambda: None)
-    assert made.inner(point, 2)["accuracy"] == 0.5
+    found = made.inner(point, 2)
+    assert [found[name] for name in ("accuracy", "of_scans", "learned")] == [0.5, 0.3, 0.5]
 
 
 def test_inner_validation_is_of_training_images(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -184,6 +185,7 @@ def test_the_best_in_inner_validation_is_measured_and_frames_have_its_rate(monke
     monkeypatch.setattr(frontier, "BUDGETS_HZ", (1_000,))
     monkeypatch.setattr(frontier, "CANDIDATES", {"physical": {"lcs": ("2x5 3x2 4x1",), "nlcs": ("5x5 6x2",)}})
     monkeypatch.setattr(frontier, "ALSO", {"physical/convolutions/nlcs:6/12x16:across:2": 1})
+    monkeypatch.setattr(frontier, "MORE_HEIGHTS", {})
     accuracies = {"lcs:2": 0.8, "lcs:3": 0.9, "lcs:4": 0.9, "nlcs:5": 0.5, "nlcs:6": 0.6}
 
     def validated(point: Point, _: int) -> dict[str, Any]:
