@@ -75,7 +75,7 @@ def test_touch_plays_an_image_once_and_draws_it_from_texture_to_class(tmp_path: 
 def test_every_image_has_a_network_that_has_not_learned_it() -> None:
     for dataset, images in (("embedded", 48), ("kylberg", 240)):
         networks = [Network.load(path) for path in sorted((SHIPPED / dataset).glob("*.npz"))]
-        tested = [name for network in networks for name in network.tested]
+        tested = [name for network in networks for name in network.notes.tested]
         assert len(tested) == len(set(tested)) == images
 
 

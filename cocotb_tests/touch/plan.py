@@ -23,9 +23,8 @@ from eskin.cocotb_tests.runner.process import play_runs
 from eskin.cocotb_tests.runner.simulator import Build, build, require_programs
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import IntegerWeights
-from eskin.model.config import ReadoutConfig
 from eskin.skin.recordings.options import FINGER
-from eskin.skin.recordings.trained_on import RUNS, OwnReadout, network_of, networks_of_recordings
+from eskin.skin.recordings.trained_on import RUNS, TrainingNotes, network_of, networks_of_recordings
 from eskin.skin.textures.dataset import open_dataset
 from eskin.skin.textures.presets import preset
 
@@ -42,32 +41,14 @@ class Network:
     path: Path
     weights: IntegerWeights
     chip: ChipConfig  # chip with the readout of the training
-    dataset: str | None
-    preset: str | None  # preset of the scans; None for recordings
-    tested: dict[str, int]  # what the float network said of each image that it has not learned
-    own: OwnReadout | None  # how own recordings were taken
-    # skin and chosen taxels of the training, as for ``eskin.skin.textures.presets.preset``
-    wiring: dict[str, Any] | None
+    notes: TrainingNotes
 
     @classmethod
     def load(cls, path: Path) -> Network:
-        """Return the network from a file; raise an error without notes on the training.
-
-        What it says is described at ``eskin.snn.experiments.trained.said_of_training``.
-        """
+        """Return the network from a file; raise an error without notes on the training."""
         weights = IntegerWeights.load(path)
-        advice = "quantise again, with result.json of the training beside its weights"
-        said = weights.notes.get("training")
-        if not said:
-            raise InputError(f"{path} lacks the readout of its training; {advice}")
-        try:
-            readout, dataset, preset, own = (said[key] for key in ("readout", "dataset", "preset", "recordings"))
-            tested = dict(said["tested"])
-        except (KeyError, TypeError, ValueError):
-            raise InputError(f"the training data in {path} are damaged; {advice}") from None
-        chip = ChipConfig(readout=ReadoutConfig.from_dict(readout), classifier=weights.network.config)
-        owned = None if own is None else OwnReadout.from_dict(own)
-        return cls(path, weights, chip, dataset, preset, tested, owned, said.get("wiring"))
+        notes = TrainingNotes.of(weights, path)
+        return cls(path, weights, ChipConfig(readout=notes.readout, classifier=weights.network.config), notes)
 
 
 @dataclass(frozen=True)
@@ -153,7 +134,7 @@ class Plan:
         return {
             "name": name,
             "true": classes.index(true) if true in classes else None,
-            "float": network.tested.get(name),
+            "float": network.notes.tested.get(name),
             "classes": classes,
             "network": network.path.name,
             "proof": self.proof(name),
@@ -168,7 +149,7 @@ class Plan:
         network, array = self.networks[name], self.image(name)
         if not self.material.preset:
             return array
-        scan = preset(self.material.preset, network.wiring)
+        scan = preset(self.material.preset, network.notes.wiring)
         return scan.samples(network.chip.readout, array, self.material.start_row)[0]
 
 
@@ -178,7 +159,7 @@ def plan(weights: Path | None, data: Path | None, dataset: str, limit: int | Non
     if data is None:
         textures = open_dataset(dataset)
         networks = _load(weights or SHIPPED / textures.name)
-        if (kind := networks[0].preset) is None:
+        if (kind := networks[0].notes.preset) is None:
             raise InputError(f"{networks[0].path} was trained on recordings; give recordings with --data")
         material: Inputs = Textures(textures, dataset, kind)
     else:
@@ -210,7 +191,11 @@ def _network_for(data: Path) -> Path:
 
 def not_learned(material: Inputs, networks: Sequence[Network]) -> list[str]:
     """Return the inputs that at least one network was not trained on; all inputs if no such input exists."""
-    found = [name for name in material.names if any(n.dataset != material.name or name in n.tested for n in networks)]
+    found = [
+        name
+        for name in material.names
+        if any(n.notes.dataset != material.name or name in n.notes.tested for n in networks)
+    ]
     return found or material.names
 
 
@@ -226,23 +211,23 @@ def _load(place: Path) -> list[Network]:
 
 def _own(network: Network, place: Path) -> Own:
     """Return a user's recordings, prepared as in the training; a recording need not have a class."""
-    if network.own is None:
+    if network.notes.own is None:
         raise InputError(f"{network.path} was trained on textures; leave --data out, or train on recordings")
-    return Own(network.own.read(place, flat=True), place)
+    return Own(network.notes.own.read(place, flat=True), place)
 
 
 def choose(material: Inputs, names: Sequence[str], networks: Sequence[Network]) -> dict[str, Network]:
     """Return for each name a network that was not trained on it."""
     for network in networks:
-        if network.preset != (material.preset or None):
+        if network.notes.preset != (material.preset or None):
             raise InputError(
-                f"{network.path} was trained on {network.preset or 'recordings'}, not on "
+                f"{network.path} was trained on {network.notes.preset or 'recordings'}, not on "
                 f"{material.preset or 'recordings'}; give matching weights"
             )
     found = {}
     for name in names:
-        fit = [n for n in networks if n.dataset == material.name and name in n.tested]
-        foreign = [n for n in networks if n.dataset != material.name]
+        fit = [n for n in networks if n.notes.dataset == material.name and name in n.notes.tested]
+        foreign = [n for n in networks if n.notes.dataset != material.name]
         if not (fit or foreign):
             learned = f"every network here was trained on {name}; give the weights of the fold without it"
             if isinstance(material, Own) and name.split("/")[0] not in networks[0].weights.class_names:

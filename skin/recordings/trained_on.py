@@ -83,3 +83,34 @@ class OwnReadout:
             raise InputError(
                 "the stored preparation, scale and readout are damaged; encode the recordings again"
             ) from None
+
+
+@dataclass(frozen=True)
+class TrainingNotes:
+    """Notes of an integer network on its training.
+
+    ``eskin.snn.experiments.trained.said_of_training`` describes the fields.
+    """
+
+    readout: ReadoutConfig
+    dataset: str | None
+    preset: str | None
+    tested: dict[str, int]
+    bin_s: float
+    own: OwnReadout | None
+    wiring: dict[str, Any] | None
+
+    @classmethod
+    def of(cls, weights: IntegerWeights, path: Path) -> TrainingNotes:
+        """Return the notes of a network from a file; raise InputError without notes, or if they are damaged."""
+        advice = "quantise again, with result.json of the training beside its weights"
+        said = weights.notes.get("training")
+        if not said:
+            raise InputError(f"{path} lacks the readout of its training; {advice}")
+        try:
+            readout, own = ReadoutConfig.from_dict(said["readout"]), said["recordings"]
+            dataset, preset, tested, bin_s = said["dataset"], said["preset"], dict(said["tested"]), float(said["bin_s"])
+            owned = None if own is None else OwnReadout.from_dict(own)
+            return cls(readout, dataset, preset, tested, bin_s, owned, said.get("wiring"))
+        except (KeyError, TypeError, ValueError):
+            raise InputError(f"the training data in {path} are damaged; {advice}") from None

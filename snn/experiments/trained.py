@@ -14,7 +14,7 @@ from eskin.base.files import read_json
 from eskin.model.classifier.file import IntegerWeights, is_integer
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
-from eskin.skin.recordings.trained_on import OwnReadout
+from eskin.skin.recordings.trained_on import OwnReadout, TrainingNotes
 from eskin.skin.textures.dataset import open_dataset
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.folds import stratified_folds
@@ -178,20 +178,13 @@ def load_trained(path: Path) -> Trained:
 def _of_notes(path: Path) -> Trained:
     """Return an integer network with the notes on its training."""
     weights = IntegerWeights.load(path)
-    try:
-        said = weights.notes["training"]
-        own = None if said["recordings"] is None else OwnReadout.from_dict(said["recordings"])
-        readout = ReadoutConfig.from_dict(said["readout"]) if own is None else own.config
-        bins = BinConfig(bin_s=said["bin_s"], polarity=weights.network.config.inputs > readout.taxels)
-        dataset = said["dataset"]
-        parts = {} if dataset is None else dict.fromkeys(said["tested"], TEST)
-    except (KeyError, TypeError, ValueError):
-        raise InputError(
-            f"{path} lacks notes on its training; quantise again, with result.json of the training beside its weights"
-        ) from None
+    notes = TrainingNotes.of(weights, path)
+    readout = notes.readout if notes.own is None else notes.own.config
+    bins = BinConfig(bin_s=notes.bin_s, polarity=weights.network.config.inputs > readout.taxels)
+    parts = {} if notes.dataset is None else dict.fromkeys(notes.tested, TEST)
     unknown = f"{path.name} does not name the images of its training"
     rest = TRAINING if parts else OTHER
-    return Trained(weights, bins, parts, dataset, unknown, readout, own, said["preset"] is None, rest)
+    return Trained(weights, bins, parts, notes.dataset, unknown, readout, notes.own, notes.preset is None, rest)
 
 
 def accuracies_on_test(

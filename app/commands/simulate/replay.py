@@ -131,7 +131,7 @@ def touch(
         print(f"{learned} left out, because every network was trained on them")
     used = plan.networks[plan.names[0]]
     if data is not None and weights is None:
-        echo(f"network: {used.path}, trained on {used.dataset}")
+        echo(f"network: {used.path}, trained on {used.notes.dataset}")
     known = used.weights.class_names
     folders = {name.split("/")[0] for name in plan.material.names if "/" in name}
     if data is not None and (others := sorted(folders - set(known))):
