@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from docs.tables.claims import Claim, compared
+from docs.tables.claims import Claim, compared, counted
 from docs.tables.write import Rows, filled, only, read
 from eskin.snn.experiments.pairs import Answers, right_of
 
@@ -56,8 +56,7 @@ def task_pairs() -> Rows:
 def task_verdicts(task: str, second: str, first: str = "lcs") -> str:
     """Return how many comparisons of a task the second readout wins and loses significantly, as text."""
     own = [claim for (name, _, *pair), claim in task_claims().items() if name == task and pair == [first, second]]
-    words = [claim.verdict for claim in own]
-    return f"{words.count('more')} of {len(own)} comparisons, less accurate in {words.count('less')}"
+    return "{more} of {of} comparisons (less accurate in {less})".format(**counted(own))
 
 
 def task_references() -> Rows:
