@@ -101,7 +101,7 @@ def events_of(
             f"{place} is not a folder; give a folder with a sub-folder for each class, or name the column of the "
             f"class with --label-column"
         )
-    with Local(threads=True) as pool, bar("encoding recordings") as step:
+    with Local(threads=True) as pool, bar("reading, comparing settings, encoding") as step:
         folder, notes, warnings = kept_events(
             place, preparation(prepared), config, given, step, pool=pool, flat=flat, fit=fit
         )
