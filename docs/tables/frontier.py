@@ -192,38 +192,47 @@ FLOAT_LEAKS = "those of the float network"
 
 
 @cache  # each takes a second, and several documents need them
-def frontier_chip(readout: str, leaks: str = FLOAT_LEAKS) -> Data:
+def frontier_chip(readout: str, network: str = "leaky-2ms", leaks: str = FLOAT_LEAKS) -> Data:
     """Return the result of an RTL chip with chosen taxels, summed over its seeds, and what float weights add.
 
     ``lead`` is the accuracy of the float network of the frontier minus that of the chip.
     """
-    found = only(read("docs/data/frontier_chip.json")["runs"], readout=readout, leaks=leaks)
+    found = only(read("docs/data/frontier_chip.json")["runs"], readout=readout, network=network, leaks=leaks)
     sums = {key: sum(one[key] for one in found["of_seeds"]) for key in found["of_seeds"][0]}
-    float_network = at(f"physical/leaky-2ms/{readout}/12x16:across:12")
+    float_network = at(f"physical/{network}/{readout}/12x16:across:12")
     pair = compare(found["labels"], found["predictions"], float_network["predictions"])
     interval = {"low": pair.interval[0], "high": pair.interval[1]}
     stalled = sums["stalls"] / sums["clocks"]
     return found | sums | {"lead": pair.difference, "a": float_network, "stalled": stalled} | interval
 
 
+def _chips() -> list[Data]:
+    runs = read("docs/data/frontier_chip.json")["runs"]
+    return [frontier_chip(run["readout"], run["network"], run["leaks"]) for run in runs]
+
+
 def frontier_chips() -> Rows:
     """Yield a row for each RTL chip with chosen taxels."""
-    line = "{kind:E}, {leaks} | {rate_hz:,.0f} | {right} of {images} | {row:%} | "
-    line += "{a[accuracy]:100*.1f} % | {gain:+%} | {mismatches} of {events:,}"
-    for run in read("docs/data/frontier_chip.json")["runs"]:
-        chip = frontier_chip(run["readout"], run["leaks"])
-        gain = {"difference": -chip["lead"], "interval": [-chip["high"], -chip["low"]]}
-        yield filled(line, chip | {"kind": chip["readout"].partition(":")[0], "gain": gain})
+    line = "{kind:E}, {leaks} | {scans} | {chip[classifier_in_bits]} b | {rate_hz:,.0f} | {right} of {images} | "
+    line += "{row:%} | {a[accuracy]:100*.1f} % | {gain:+%} | {mismatches} of {events:,}"
+    training = read("docs/data/frontier.json")["training"]
+    for chip in _chips():
+        more = {
+            "kind": _kind(chip["a"]["name"]),
+            "scans": (training["scans"]["physical"] | training["networks"]["physical"][chip["network"]])["start_rows"],
+            "gain": {"difference": 0 - chip["lead"], "interval": [-chip["high"], -chip["low"]]},
+        }
+        yield filled(line, chip | more)
 
 
 def chips_compared() -> Data:
-    """Count the comparisons of the chips with their float networks, and of bipolar N-LCS with LCS.
+    """Count the comparisons of the chips with their float networks, with fewer scans, and of bipolar N-LCS with LCS.
 
     ``stalled`` is the part of the clocks in which the readout of bipolar N-LCS waits for the classifier.
     """
-    runs = [frontier_chip(run["readout"], run["leaks"]) for run in read("docs/data/frontier_chip.json")["runs"]]
-    answers = {(run["readout"], run["leaks"]): _answers(run["a"], run) for run in runs}
+    answers = {chip["a"]["name"] + chip["leaks"]: _answers(chip["a"], chip) for chip in _chips()}
     bipolar = frontier_chip("nlcs-bipolar:2")
-    answers["bipolar", "lcs"] = _answers(frontier_chip("lcs:2"), bipolar)
+    answers["lcs"] = _answers(frontier_chip("lcs:2"), bipolar)
+    answers["scans"] = _answers(bipolar, frontier_chip("nlcs-bipolar:2", "leaky-96"))
     found = counted(compared(answers).values())
     return found | {"significant": found["more"] + found["less"], "stalled": bipolar["stalled"]}
