@@ -92,7 +92,7 @@ LEARNED, TESTED = 40, 40
 
 # -- readouts and training
 
-ENCODERS = ("lcs", "nlcs", "nlcs-bipolar")
+ENCODERS = ("lcs", "cwlcs", "nlcs", "nlcs-bipolar")
 BUDGETS = (3, 4, 2)
 """Bits of LCS; the other readouts are compared at its data rate. The chip has 3 to 5 bits."""
 TRIED = range(2, 11)
