@@ -25,6 +25,7 @@ from eskin.base.progress import bar
 from eskin.base.workers.engine import Pool, each
 from eskin.base.workers.store import Store
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
 from eskin.model.taxel import encode_timed
 from eskin.skin.figures.readouts import FRAME, look
 from eskin.skin.recordings.event_files import kept_events, signal_statistics, signals_of
@@ -92,7 +93,6 @@ LEARNED, TESTED = 40, 40
 
 # -- readouts and training
 
-ENCODERS = ("lcs", "cwlcs", "nlcs", "nlcs-bipolar")
 BUDGETS = (3, 4, 2)
 """Bits of LCS; the other readouts are compared at its data rate. The chip has 3 to 5 bits."""
 TRIED = range(2, 11)
@@ -248,14 +248,14 @@ def encoders_of(task: str, place: Path) -> dict[int, list[Readout]]:
 
     rates = {
         readout: rate_of(readout)
-        for kind in ENCODERS
+        for kind in registry.NAMES
         for readout in (Readout(task, f"{kind}:{bits}") for bits in (BUDGETS if kind == "lcs" else TRIED))
     }
     found = {}
     for budget in BUDGETS:
         lcs = Readout(task, f"lcs:{budget}")
         apart = {one: abs(math.log(max(rate, 1) / rates[lcs])) for one, rate in rates.items()}
-        others = [min((one for one in rates if one.kind == kind), key=apart.__getitem__) for kind in ENCODERS[1:]]
+        others = [min((one for one in rates if one.kind == kind), key=apart.__getitem__) for kind in registry.NAMES[1:]]
         found[budget] = [lcs, *(one for one in others if apart[one] < math.log(ALIKE))]
     return found
 
