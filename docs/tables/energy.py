@@ -51,29 +51,6 @@ def chain(cells: str) -> dict[str, Any]:
     }
 
 
-def at_rates(
-    encoder: str, events_hz: float, bins_hz: float, spikes: float, clock_hz: float, taxels: int
-) -> dict[str, float]:
-    """Return the power of readout and 128-128-6 network in IHP cells at given rates, in watts, in parts.
-
-    Leakage is that of cells and macros. The rest of the power without events grows with the clock. ``encoder`` names
-    the netlist of the readout. ``spikes`` is the mean number of hidden spikes per bin.
-    """
-    config = ChipConfig.from_dict(read("docs/data/touch.json")["chip"]).classifier
-    logic, readout = read("docs/data/asic/classifier-ihp.json"), read(f"docs/data/asic/{encoder}-digital-8x8-ihp.json")
-    energies, reads = _energies(config, "ihp", encoder, events_hz, bins_hz, spikes * bins_hz)
-    memories = read("docs/data/asic/memories-ihp.json")
-    leakage = taxels * readout["leakage_w_per_taxel"] + logic["leakage_w"]
-    idle = taxels * readout["idle_w_per_taxel"] + logic["idle_w"] - leakage
-    found = {
-        "events": sum(of_events for of_events, _ in energies.values()),
-        "ends": sum(of_ends for _, of_ends in energies.values()),
-        "idle": idle * clock_hz / logic["clock_hz"],
-        "leakage": leakage + sum(memories[name]["leakage_w"] for name in reads),
-    }
-    return found | {"total": sum(found.values())}
-
-
 def _energies(
     config: ClassifierConfig, cells: str, encoder: str, events: float, bins: float, spikes: float
 ) -> tuple[dict[str, tuple[float, float]], dict[str, float]]:

@@ -1,18 +1,15 @@
-"""Tables of the recordings of a robot finger: accuracy, data rate and energy of events and frames."""
+"""Tables of the recordings of a robot finger: accuracy and data rate of events and frames."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from docs.tables.claims import compared
-from docs.tables.energy import at_rates
 from docs.tables.write import Rows, filled, only, read
 from eskin.snn.experiments.pairs import Answers, Pair, compare, right_of
-from eskin.snn.reference import score
 
 REPETITION = "repetition 1"
 
@@ -63,128 +60,110 @@ def name_of(point: dict[str, Any]) -> str:
     return filled("frames {rate_hz:.1f} Hz {bits} b" if frames else "{readout:E} {bits} b", point)
 
 
-def finger_rates() -> Rows:
-    """Yield data rate, power and energy of each readout beside its accuracy."""
-    report = finger_report()
-    for point in report["points"]:
-        reached, events = accuracies(report, point["network"]), point["readout"] != "frame"
-        labels, words = _words([only(report["folds"], fold=REPETITION)], point["network"])
-        scores = [score(_classes(labels), _classes(word))["balanced_accuracy"] for word in words]
-        watts = _classifier_w(report, point)["total"] if events and point["spikes_per_step"] else None
-        more = {
-            "name": name_of(point),
-            "events": point["events_per_s"] if events else None,
-            "watts": watts,
-            "joules": None if watts is None else watts * report["seconds"] / report["recordings"],
-            "balanced": np.mean(scores),
-            "seeds": len(words),
-            "others": min(len(_words([one], point["network"])[1]) for one in report["folds"]),
-        }
-        yield point | reached | more
-
-
-def _classes(word: str) -> NDArray[np.int64]:
-    """Return the classes of a text with one digit for each recording."""
-    return np.array([int(digit) for digit in word])
-
-
-def _classifier_w(report: dict[str, Any], point: dict[str, Any]) -> dict[str, float]:
-    """Return the power of the digital chip for events, ends of bins and rest, and their sum, in watts."""
-    return at_rates(
-        encoder=point["readout"],
-        events_hz=point["events_per_s"],
-        bins_hz=1 / point["bin_s"],
-        spikes=point["spikes_per_step"] * report["network"]["hidden"],
-        clock_hz=report["rtl"]["clock_hz"],
-        taxels=16,
-    )
-
-
 def finger_targets() -> Rows:
-    """Yield each target with the best encoder, and with the best frames."""
+    """Yield each target with the default training, the best encoder, and the best frames."""
     report = finger_report()
     points = [*report["points"], *report["level"]["points"]]
+    default, given = trained_means(report, given=False), trained_means(report, given=True)
     for text, (kind, wanted) in TARGETS.items():
-        cells = []
+        cells = [_met(default[kind], wanted)]
         for frames in (False, True):
             some = [point for point in points if (point["readout"] == "frame") == frames]
             found = [(accuracies(report, point["network"]), name_of(point)) for point in some]
-            found += [] if frames else [(trained_means(report), "N-LCS 4 b, settings of the table above")]
+            found += [] if frames else [(given, "N-LCS 4 b, gains given")]
             best, name = max((of_folds[kind], name) for of_folds, name in found if kind in of_folds)
-            cells.append(f"{'met' if best >= wanted else 'missed'}: {100 * best:.1f} % ({name})")
+            cells.append(f"{_met(best, wanted)} ({name})")
         yield [text, *cells]
 
 
-def finger_played() -> dict[str, Any]:
-    """Return values for sentences about the network that the RTL played."""
-    report = finger_report()
-    rtl, network = report["rtl"], report["integer"]
-    missing = (rtl["right_float"] - rtl["right"]) / rtl["labelled"]
-    return rtl | {
-        "name": filled("{readout:E} {resolution} b", network),
-        "float": rtl["right_float"] / rtl["float_known"],
-        "chip": rtl["right"] / rtl["labelled"],
-        "balanced": network["balanced"],
-        "missing": 100 * missing,
-        "met": "met" if missing <= 0.01 else "missed",
-        "events_per_s": rtl["events"] / (rtl["bins"] * rtl["bin_s"]),
-        "train": network["command"],
-    }
+def _met(reached: float, wanted: float) -> str:
+    """Return whether an accuracy meets a target, and the accuracy."""
+    return f"{'met' if reached >= wanted else 'missed'}: {100 * reached:.1f} %"
+
+
+SPEEDS = "finger, one speed left out (six)"
+"""Name of the trainings at all speeds together; the names of their tests end with the unit."""
+
+
+@cache  # it compares all trainings, and several tables show some of them
+def trainings() -> dict[str, dict[str, Any]]:
+    """Return the trainings of docs/data/trainings.json by test, each beside its references; six speeds are one test.
+
+    p is McNemar's against the better reference, median over the seeds, after Holm's correction for all tests.
+    """
+    tests = dict[str, dict[int, list[dict[str, Any]]]]()
+    for run in read("docs/data/trainings.json")["runs"]:
+        name = SPEEDS if run["test"].endswith("mm/s") else run["test"]
+        tests.setdefault(name, {}).setdefault(run["seed"], []).append(run)
+    found, answers = {}, {}
+    for test, seeds in tests.items():
+        runs = seeds[0]
+        labels, words = _joined(runs, "labels"), [_joined(some, "predicted") for some in seeds.values()]
+        plain = {name: sum(run["references"][name]["right"] for run in runs) for name in PLAIN}
+        best = max(("signals", "forest"), key=plain.__getitem__)
+        reference = "".join(run["references"][best]["predicted"] for run in runs)
+        answers[test] = Answers(labels, [reference] * len(words), words)
+        found[test] = {
+            "test": test,
+            "readout": "; ".join(dict.fromkeys(readout_of(run) for some in seeds.values() for run in some)),
+            "right": ", ".join(map(str, right_of(labels, words).sum(1))),
+            "of": len(labels),
+            "most": plain["most frequent class"],
+            "rtl": _played([run["test"] for run in runs]),
+        } | plain
+    return {test: found[test] | {"p": claim.p} for test, claim in compared(answers).items()}
+
+
+PLAIN = ("signals", "forest", "most frequent class")
+"""References on the signals of recordings."""
+
+
+def _joined(runs: Sequence[dict[str, Any]], name: str) -> str:
+    """Return the labels or predictions of trainings as one text."""
+    return "".join(run[name] for run in runs)
 
 
 def default_trainings() -> Rows:
-    """Yield the trainings of docs/data/trainings.json by kind of test, each beside its references.
-
-    p is McNemar's against the better reference, median over the seeds, after Holm's correction for all rows.
-    """
-    runs = read("docs/data/trainings.json")["runs"]
-    found, answers = {}, {}
-    for test in dict.fromkeys(run["test"] for run in runs):
-        some = [run for run in runs if run["test"] == test]
-        labels, references = some[0]["labels"], some[0]["references"]
-        plain = {name: references[name]["right"] for name in ("signals", "forest")}
-        words = [run["predicted"] for run in some]
-        best = references[max(plain, key=plain.__getitem__)]["predicted"]
-        answers[test] = Answers(labels, [best] * len(some), words)
-        found[test] = {
-            "test": test,
-            "readout": readout_of(some[0]),
-            "right": ", ".join(str(run["right"]) for run in some),
-            "of": len(labels),
-            "percent": 100 * float(right_of(labels, words).mean()),
-            "most": references["most frequent class"]["right"],
-        } | plain
-    for test, claim in compared(answers).items():
-        yield found[test] | {"p": claim.p}
+    """Yield the trainings with default options; ``trainings_at_pressures`` yields those at pressures."""
+    yield from (row for test, row in trainings().items() if "pressure" not in test)
 
 
-def trainings_played() -> Rows:
-    """Yield the networks of docs/data/trainings.json that the RTL played."""
-    yield from read("docs/data/trainings.json")["played"]
+def trainings_at_pressures() -> Rows:
+    """Yield each pressure with the default training, and with the training of given settings."""
+    for test, row in trainings().items():
+        if f"{test}, given" in trainings():
+            given = trainings()[f"{test}, given"]
+            yield row | {"pressure": test.split()[-1], "given": given["right"], "given_p": given["p"]}
 
 
-def trained_means(report: dict[str, Any]) -> dict[str, float]:
-    """Return the accuracies of docs/data/trainings.json by fold, and by group of folds if no fold is missing."""
+def misled_choice() -> dict[str, Any]:
+    """Return the score of the settings that ``train`` chose at pressure 150, and the most accurate settings there."""
+    run = only(read("docs/data/trainings.json")["runs"], test="finger, pressure 150", seed=0)
+    last = [score for score in run["choice"] if score["updates"] == run["choice"][-1]["updates"]]
+    (chosen,) = (score for score in last if all(score[name] == run[name] for name in ("encoding", "resolution")))
+    return {"chosen": chosen, "best": max(last, key=lambda score: score["right"])}
+
+
+def _played(tests: Collection[str]) -> str:
+    """Return the right recordings of the RTL with the networks of seed 0, if it played all tests, as text."""
+    played = [one for one in read("docs/data/trainings.json")["played"] if one["test"] in tests]
+    assert not any(one["mismatches"] for one in played)
+    return str(sum(one["right"] for one in played)) if len(played) == len(tests) else "-"
+
+
+def trained_means(report: dict[str, Any], given: bool) -> dict[str, float]:
+    """Return the accuracies of trainings with default or given settings by fold, and by group of complete folds."""
     found = dict[str, list[float]]()
     for run in read("docs/data/trainings.json")["runs"]:
         fold = run["test"].removeprefix("finger, ").removesuffix(", given").replace("mm/s", "mm/s, both ways")
-        found.setdefault(fold, []).append(run["right"] / len(run["labels"]))
+        if run["test"].endswith(", given") == given:
+            found.setdefault(fold, []).append(run["right"] / len(run["labels"]))
     return _grouped(report, {fold: float(np.mean(of_seeds)) for fold, of_seeds in found.items()})
 
 
-def unseen_pressures() -> Rows:
-    """Yield the remedies for an unseen pressure with the right answers at the lowest and the highest pressure."""
-    report = finger_report()
-    labels = [only(report["folds"], fold=f"pressure {force}")["labels"] for force in (120, 250)]
-    for one in read("docs/data/trainings.json")["remedies"]:
-        a, b = (int(right_of(wanted, [word]).sum()) for wanted, word in zip(labels, one["predicted"], strict=True))
-        yield {"remedy": one["remedy"], "a": a, "b": b}
-
-
 def readout_of(run: dict[str, Any]) -> str:
-    """Return encoder, resolution, baseline, gains and time bin of a training as text."""
-    gains = f", gains {', '.join(map('{:g}'.format, run['gains']))}" if run.get("gains") else ""
-    return filled(f"{{encoding:E}} {{resolution}} b, `{{baseline}}`{gains}, bins of {{bin_s:1e3*#2}} ms", run)
+    """Return encoder, resolution, baseline and gains of a training as text."""
+    return filled(f"{{encoding:E}} {{resolution}} b, `{{baseline}}`{', gains' if run.get('gains') else ''}", run)
 
 
 def _level(point: str) -> dict[str, Any]:
@@ -193,17 +172,14 @@ def _level(point: str) -> dict[str, Any]:
 
 
 def finger_levels() -> Rows:
-    """Yield data rate and accuracy of each readout that keeps the level, and of the best ones that do not."""
+    """Yield data rate and accuracy of each readout that keeps the level."""
     report = finger_report()
-    for kept, points in (("kept", report["level"]["points"]), ("removed", report["points"])):
-        for point in points:
-            reached = accuracies(report, point["network"])
-            seeds = [len(_words([one], point["network"])[1]) for one in report["folds"]]
-            rest = min((number for number in seeds[1:] if number), default=0)
-            percent = {kind: f"{100 * reached[kind]:.1f} %" if kind in reached else "-" for kind in KINDS}
-            yield point | percent | {
-                "name": name_of(point), "level": kept, "seeds": f"{seeds[0]}, {rest or '-'}"
-            }  # fmt: skip
+    for point in report["level"]["points"]:
+        reached = accuracies(report, point["network"])
+        seeds = [len(_words([one], point["network"])[1]) for one in report["folds"]]
+        rest = min((number for number in seeds[1:] if number), default=0)
+        percent = {kind: f"{100 * reached[kind]:.1f} %" if kind in reached else "-" for kind in KINDS}
+        yield point | percent | {"name": name_of(point), "seeds": f"{seeds[0]}, {rest or '-'}"}
 
 
 LEVEL_PAIRS = [
