@@ -29,7 +29,7 @@ from eskin.skin.encode import IMAGE_SUFFIXES, preparation_of, read_image
 from eskin.skin.readers.registry import SUFFIXES
 from eskin.skin.recordings.columns import read_one
 from eskin.skin.recordings.options import FINGER, Preparation, Scale
-from eskin.skin.recordings.trained_on import network_of
+from eskin.skin.recordings.trained_on import TrainingNotes, network_of
 from eskin.skin.textures.dataset import EMBEDDED
 from eskin.skin.textures.physical import PhysicalScan, large_enough
 from eskin.skin.textures.presets import preset
@@ -110,7 +110,7 @@ def show_of(
         taxels = () if finger or found.shaped else found.columns
         names, load = _recordings(found.sources, found.codes, config, taxels)
         scale = found.scale
-        unseen = network.notes["training"]["tested"]
+        unseen = TrainingNotes.of(network).tested
         names = {name: truth for name, truth in names.items() if name in unseen} or names
     else:
         names, load = _images(network, config, source)
@@ -183,10 +183,10 @@ def _images(network: IntegerWeights, config: ReadoutConfig, source: Path | None)
         known = set(network.class_names)
         names = {name: one.class_name if one.class_name in known else None for name, one in images.items()}
         read = lambda name: images[name].load()  # noqa: E731
-    training = network.notes["training"]
-    if training["preset"] is None:
+    training = TrainingNotes.of(network)
+    if training.preset is None:
         raise InputError("these weights were trained on recordings; give a folder of recordings to play")
-    scan = preset(training["preset"], training.get("wiring"))
+    scan = preset(training.preset, training.wiring)
 
     def load(name: str) -> tuple[NDArray[Any], Piece]:
         image = read(name)

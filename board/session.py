@@ -26,6 +26,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.compare import first_difference
 from eskin.model.links.four_phase import FourPhase
 from eskin.skin.foreign.address_map import AddressMap
+from eskin.skin.recordings.trained_on import TrainingNotes
 
 MAX_CLOCKS = 1 << 24  # of one RUN: a running board without events sends nothing
 SENSE_S = 0.1  # time that a board reads its skin for one frame of the host; the next frame waits on the board
@@ -272,10 +273,5 @@ def board_of(weights: IntegerWeights) -> BoardConfig:
 
 def chip_of(weights: IntegerWeights, path: Path | None = None) -> ChipConfig:
     """Return the chip configuration for which an integer network was trained."""
-    training = weights.notes.get("training")
-    if not training:
-        raise InputError(
-            f"{path or 'the network'} lacks the readout of its training; quantise again, with result.json "
-            f"of the training beside its weights"
-        )
-    return ChipConfig(readout=ReadoutConfig.from_dict(training["readout"]), classifier=weights.network.config)
+    readout = TrainingNotes.of(weights, path or "the network").readout
+    return ChipConfig(readout=readout, classifier=weights.network.config)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from numpy.typing import NDArray
 
@@ -11,14 +11,13 @@ from eskin.base.errors import InputError
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
 from eskin.skin.recordings.columns import read_one
+from eskin.skin.recordings.folder import RecordingSet, read_set
 from eskin.skin.recordings.options import Preparation
+from eskin.skin.recordings.trained_on import EVERY_FIELD, TrainingNotes
 from eskin.skin.samples import fit_array
 from eskin.skin.textures.dataset import EMBEDDED, Dataset, open_dataset
 from eskin.skin.textures.physical import large_enough
 from eskin.skin.textures.presets import preset
-
-if TYPE_CHECKING:
-    from eskin.skin.recordings.folder import RecordingSet
 
 
 def codes_to_play(
@@ -42,15 +41,15 @@ def codes_to_play(
         names = [source.name for source in found.sources]
         chosen = _chosen(names, only or names[0], recordings, "recording")
         return chosen, found.codes[names.index(chosen)]
-    training = weights.notes["training"]
-    if training["preset"] is None:
+    training = TrainingNotes.of(weights)
+    if training.preset is None:
         raise InputError("these weights were trained on recordings; give recordings with --data")
     data, unseen = textures_of(weights, dataset or EMBEDDED)
     textures = {texture.name: texture for texture in data}
     chosen = _chosen(list(textures), only or unseen[0], data.name, "texture")
     image = textures[chosen].load()
     image = large_enough(image, readout) if data.name == EMBEDDED else image
-    return chosen, preset(training["preset"], training.get("wiring")).samples(readout, image)[0]
+    return chosen, preset(training.preset, training.wiring).samples(readout, image)[0]
 
 
 def _chosen(names: list[str], name: str, place: str | Path, kind: str) -> str:
@@ -77,19 +76,16 @@ def codes_of(path: Path, readout: ReadoutConfig) -> NDArray[Any]:
 
 def textures_of(weights: IntegerWeights, dataset: str) -> tuple[Dataset, list[str]]:
     """Return a dataset, and the names of its textures outside the training set, or of all textures."""
-    training = weights.notes["training"]
+    training = TrainingNotes.of(weights)
     data = open_dataset(dataset)
     names = [texture.name for texture in data]
-    unseen = [one for one in names if one in training["tested"]] if training["dataset"] == data.name else names
+    unseen = [one for one in names if one in training.tested] if training.dataset == data.name else names
     return data, unseen or names
 
 
 def recordings_of(weights: IntegerWeights, readout: ReadoutConfig, place: Path) -> RecordingSet:
     """Return a user's recordings, prepared as in the training."""
-    from eskin.skin.recordings.folder import read_set
-    from eskin.skin.recordings.trained_on import EVERY_FIELD, OwnReadout
-
-    said = weights.notes["training"]["recordings"]
-    if said is None:
+    own = TrainingNotes.of(weights).own
+    if own is None:
         raise InputError("these weights were trained on textures; leave --data out, or train on recordings")
-    return read_set(place, OwnReadout.from_dict(said).options, readout, EVERY_FIELD, flat=True)  # without labels too
+    return read_set(place, own.options, readout, EVERY_FIELD, flat=True)  # without labels too

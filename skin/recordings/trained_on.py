@@ -101,7 +101,7 @@ class TrainingNotes:
     wiring: dict[str, Any] | None
 
     @classmethod
-    def of(cls, weights: IntegerWeights, path: Path) -> TrainingNotes:
+    def of(cls, weights: IntegerWeights, path: Path | str = "the network") -> TrainingNotes:
         """Return the notes of a network from a file; raise InputError without notes, or if they are damaged."""
         advice = "quantise again, with result.json of the training beside its weights"
         said = weights.notes.get("training")

@@ -1,5 +1,6 @@
 """Test the simulated board, the demo, its page in a browser, and events over UDP."""
 
+import dataclasses
 import os
 import re
 import signal
@@ -17,15 +18,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from eskin.base.errors import InputError
 from eskin.base.figures.style import PALETTE
 from eskin.board import session
 from eskin.board.config import BoardConfig
-from eskin.board.demo import foreign_records, new_view
+from eskin.board.demo import NETWORKS, TEXTURES_NETWORK, foreign_records, new_view
 from eskin.board.link import Link
 from eskin.board.serial_frames import Frame, Kind
 from eskin.board.simulated import SimulatedPlayer, SimulatedReceiver
 from eskin.board.udp import UdpSender, datagram, parse_destination, read_datagram
 from eskin.model.address_events import EVENT_DTYPE
+from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.model.readout import Stimulus, simulate
@@ -296,3 +299,17 @@ def test_the_page_of_the_demo_in_a_browser(tmp_path: Path) -> None:
         assert "played" in demo.stdout.read()
         assert demo.wait(timeout=30) == 0
         browser.wait_for("document.getElementById('class').textContent === 'the program has ended'")
+
+
+@pytest.mark.parametrize(
+    ("kept", "sentence"),
+    [
+        ((), "the network lacks the readout of its training"),
+        (("readout",), "the training data in the network are damaged"),
+    ],
+)
+def test_a_network_without_whole_notes_on_its_training_is_refused(kept: tuple[str, ...], sentence: str) -> None:
+    whole = IntegerWeights.load(NETWORKS / TEXTURES_NETWORK)
+    notes = {"training": {name: whole.notes["training"][name] for name in kept}}
+    with pytest.raises(InputError, match=sentence):
+        session.chip_of(dataclasses.replace(whole, notes=notes))

@@ -56,7 +56,8 @@ def walk(ticks: int, taxels: int) -> np.ndarray:
 def weights_of(chip: ChipConfig, path: Path) -> Path:
     """Write random weights for a chip."""
     network = network_of(chip)
-    training = {"readout": chip.readout.to_dict(), "preset": None, "dataset": "own", "tested": {}, "recordings": None}
+    training = {"readout": chip.readout.to_dict(), "preset": None, "dataset": "own", "tested": {}}
+    training |= {"bin_s": 0.0003, "recordings": None}
     IntegerWeights(network, ("a", "b", "c"), {"training": training}).save(path)
     return path
 
