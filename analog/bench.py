@@ -14,7 +14,8 @@ from eskin.analog.circuit import FrontEnd, Taxel
 from eskin.analog.decision import compare
 from eskin.base.files import digest
 from eskin.base.workers.store import Store
-from eskin.cocotb_tests.bench.block import JOB, Block, signed_words
+from eskin.cocotb_tests.bench.block import JOB, Block
+from eskin.model.classifier.words import unpacked
 from eskin.model.config import ReadoutConfig
 
 RESULT = "loop.npz"
@@ -97,7 +98,7 @@ def _asked(config: ReadoutConfig, block: Block, sample: list[float]) -> dict[int
     strobe = block.read("compare")
     if not strobe:
         return {}
-    codes = signed_words(block.read("reference_code"), config.taxels, config.sample_bits)
+    codes = unpacked(block.read("reference_code"), config.taxels, config.sample_bits)
     word, bits = block.read("half_width"), config.half_width_bits
     widths = [
         word >> taxel * bits & (1 << bits) - 1 if config.closes else config.step for taxel in range(config.taxels)

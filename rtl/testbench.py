@@ -14,6 +14,7 @@ from eskin.model import frame
 from eskin.model.bus.axi_lite import ACCESS_CLOCKS
 from eskin.model.bus.axi_stream import AxiStream, Event
 from eskin.model.bus.config import BusConfig
+from eskin.model.classifier.words import packed
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.fields import ANALOG_RANGE, seen
 from eskin.model.frame_config import FrameConfig
@@ -134,8 +135,7 @@ def _walk(full_scale: int, step: int, ticks: int, taxels: int) -> NDArray[np.int
 
 def _words(samples: NDArray[Any], bits: int) -> list[int]:
     """Return the samples of every tick as one word, taxel 0 in the least significant bits."""
-    mask = (1 << bits) - 1
-    return [sum((int(value) & mask) << place * bits for place, value in enumerate(row)) for row in samples]
+    return [packed(row.tolist(), bits) for row in samples]
 
 
 def _events(config: Config) -> Play:

@@ -156,17 +156,6 @@ def bits(values: Sequence[object]) -> int:
     return sum(1 << index for index, value in enumerate(values) if value)
 
 
-def signed_words(word: int, count: int, bits: int) -> list[int]:
-    """Return the signed numbers that are packed in a word, the first in the lowest bits."""
-    parts = [word >> number * bits & (1 << bits) - 1 for number in range(count)]
-    return [part - (part >> bits - 1 << bits) for part in parts]
-
-
-def word_of(values: Sequence[int], bits: int) -> int:
-    """Return signed numbers packed in a word, the first in the lowest bits; see ``signed_words``."""
-    return sum((value & (1 << bits) - 1) << number * bits for number, value in enumerate(values))
-
-
 def payload(config: ReadoutConfig, row: int, column: int, polarity: int) -> dict[str, int]:
     """Return the payload fields of an event, limited to existing ports."""
     fields = {"event_row": row, "event_col": column, "event_polarity": polarity}

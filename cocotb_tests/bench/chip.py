@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.files import write_arrays
-from eskin.cocotb_tests.bench.block import signed_words
 from eskin.cocotb_tests.bench.readout import Mismatch, Outcome, write_stimulus
 from eskin.model.address_events import Events
 from eskin.model.classifier.chip import channels_of, clocks_of, events_of
@@ -22,6 +21,7 @@ from eskin.model.classifier.file import neuron_image, weight_image
 from eskin.model.classifier.network import IntegerNetwork
 from eskin.model.classifier.run import ClassifierRun
 from eskin.model.classifier.run import simulate as simulate_classifier
+from eskin.model.classifier.words import unpacked
 from eskin.model.events.compare import first_difference
 from eskin.model.readout import Stimulus, simulate
 
@@ -53,7 +53,7 @@ class ChipRun:
         classes = []
         for line in (folder / "classes.txt").read_text().splitlines():
             *numbers, word = line.split()
-            classes.append([*map(int, numbers), signed_words(int(word, 16), config.classes, config.evidence_bits)])
+            classes.append([*map(int, numbers), unpacked(int(word, 16), config.classes, config.evidence_bits)])
         offered, taken, channel = events.T
         return cls(offered, taken, channel, left - 1 if left else None, classes, spikes)
 

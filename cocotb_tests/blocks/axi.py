@@ -13,12 +13,13 @@ import numpy as np
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
 
-from eskin.cocotb_tests.bench.block import JOB, Sink, job, word_of
+from eskin.cocotb_tests.bench.block import JOB, Sink, job
 from eskin.cocotb_tests.bench.host import walk, words_for
 from eskin.cocotb_tests.blocks.host import inputs_of, whatever
 from eskin.cocotb_tests.runner.simulator import build
 from eskin.model.bus.axi_lite import ACCESS_CLOCKS
 from eskin.model.bus.config import BusConfig
+from eskin.model.classifier.words import packed
 from eskin.model.registers.description import registers
 
 PERIOD = 24
@@ -122,7 +123,7 @@ async def record(dut: Any) -> None:
         dut.taxel_enable.value = int(played["enable"][clock], 2)
         dut.sample_valid.value = int(clock in samples)
         if sample is not None and clock in samples:
-            sample.value = word_of(samples[clock], config.readout.sample_bits)
+            sample.value = packed(samples[clock], config.readout.sample_bits)
         for side, name in enumerate(("above", "below")):
             if "decisions" in played and (pin := getattr(dut, name, None)) is not None:
                 pin.value = int(played["decisions"][side][clock], 2)

@@ -14,12 +14,13 @@ import cocotb
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.cocotb_tests.bench.block import JOB, Block, Checker, Simulator, job, report, signed_words
+from eskin.cocotb_tests.bench.block import JOB, Block, Checker, Simulator, job, report
 from eskin.cocotb_tests.runner import block
 from eskin.model.classifier.config import ClassifierConfig, highest, lowest
 from eskin.model.classifier.file import IntegerWeights, neuron_image, weight_image
 from eskin.model.classifier.network import IntegerNetwork, State
 from eskin.model.classifier.run import ClassifierRun, first_ready, simulate, work_clocks
+from eskin.model.classifier.words import unpacked
 
 TOP = "eskin_classifier"
 SCANS = 120
@@ -97,7 +98,7 @@ class ClassifierBench:
             seen["SureFromItsBin"].append(block.read("class_sure"))
         winner, classes = block.read("class_index"), seen["ClassAndEvidence"]
         if block.read("class_valid"):
-            evidence = signed_words(block.read("evidence"), self.config.classes, self.config.evidence_bits)
+            evidence = unpacked(block.read("evidence"), self.config.classes, self.config.evidence_bits)
             classes.append((clock, winner, evidence))
         elif classes:
             self.check.holds("ClassHeldBetweenBins", winner == classes[-1][1], (winner, classes[-1]))

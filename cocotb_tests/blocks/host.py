@@ -12,10 +12,11 @@ import cocotb
 import numpy as np
 
 from eskin.cocotb_tests.bench.analog import ideal
-from eskin.cocotb_tests.bench.block import JOB, Block, Simulator, begin, report, signed_words, word_of
-from eskin.cocotb_tests.bench.block import bits as packed
+from eskin.cocotb_tests.bench.block import JOB, Block, Simulator, begin, report
+from eskin.cocotb_tests.bench.block import bits as flags
 from eskin.cocotb_tests.bench.host import happens, pins_of, walk
 from eskin.cocotb_tests.runner.simulator import build
+from eskin.model.classifier.words import packed, unpacked
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.fields import SETTABLE
 
@@ -36,7 +37,7 @@ class Comparators:
         config, bits = self.config, self.config.sample_bits
         if config.receptive_fields == SETTABLE:
             samples = self._selected(samples)
-        codes = signed_words(self.block.read("reference_code"), config.taxels, bits)
+        codes = unpacked(self.block.read("reference_code"), config.taxels, bits)
         widths = [self.block.read("step_code")] * config.taxels
         if config.closes:
             width, size = self.block.read("half_width"), config.half_width_bits
@@ -44,7 +45,7 @@ class Comparators:
         found = [ideal(config, *three) for three in zip(samples, codes, widths, strict=True)]
         wrong = ~self.block.read("compare")
         self.block.drive(
-            above=packed([above for above, _ in found]) ^ wrong, below=packed([below for _, below in found]) ^ wrong
+            above=flags([above for above, _ in found]) ^ wrong, below=flags([below for _, below in found]) ^ wrong
         )
 
     def _selected(self, samples: list[int]) -> list[int]:
@@ -83,7 +84,7 @@ async def readout_follows_its_model(dut: Any) -> None:
         block.drive(spi_sck=sck, spi_cs_n=cs_n, spi_mosi=mosi, event_ready=ready)
         block.drive(taxel_enable=int(played["enable"][clock], 2), sample_valid=clock in samples)
         if clock in samples and analog is None:
-            block.drive(sample=word_of(samples[clock], config.sample_bits))
+            block.drive(sample=packed(samples[clock], config.sample_bits))
         if decisions:
             block.drive(above=int(decisions[0][clock], 2), below=int(decisions[1][clock], 2))
         elif analog is not None:

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from eskin.cocotb_tests.bench.block import Step, bits, word_of
+from eskin.cocotb_tests.bench.block import Step, bits
+from eskin.model.classifier.words import packed
 from eskin.model.readout import Stimulus
 from eskin.model.tiles.config import TilesConfig
 from eskin.model.tiles.run import simulate_skin
@@ -30,7 +31,7 @@ def steps(config: TilesConfig, _: random.Random, counts: Counter[str]) -> Iterat
     tile, own = config.in_tiles(events)
     found = {int(e["t"]): (number, e) for number, e in zip(tile.tolist(), own, strict=True)}
     masks = dict(zip(enable_clock.tolist(), (bits(mask.ravel()) for mask in enable), strict=True))
-    words = (word_of(tick.ravel().tolist(), config.sample_bits) for tick in samples)
+    words = (packed(tick.ravel().tolist(), config.sample_bits) for tick in samples)
     ticks = dict(zip(clock.tolist(), words, strict=True))
     inputs: dict[str, int] = {}
     for t in range(clocks):

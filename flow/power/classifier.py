@@ -25,6 +25,7 @@ from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.file import neuron_image, parameter_image, recurrent_image, row_image
 from eskin.model.classifier.network import IntegerNetwork
 from eskin.model.classifier.run import ClassifierRun, first_ready, simulate
+from eskin.model.classifier.words import packed
 from eskin.rtl import yosys
 from eskin.rtl.classifier.core import Classifier
 from eskin.rtl.classifier.memory import InputMemory, NeuronMemory, ParameterMemory, RecurrentMemory
@@ -145,9 +146,8 @@ def _hold(run: ClassifierRun, config: ClassifierConfig, said: str) -> None:
     """Raise Mismatch if a simulation differs from the model in events, classes, evidence, or their clocks."""
     taken = [int(clock) for clock in re.findall(r"^event (\d+)$", said, re.MULTILINE)]
     classes = [(int(c), int(k), int(e, 16)) for c, k, e in re.findall(r"^class (\d+) (\d+) (\w+)$", said, re.MULTILINE)]
-    mask = (1 << config.evidence_bits) - 1
     wanted = [
-        (clock, bin_.winner, sum((int(e) & mask) << config.evidence_bits * k for k, e in enumerate(bin_.evidence)))
+        (clock, bin_.winner, packed(bin_.evidence, config.evidence_bits))
         for clock, bin_ in zip(run.valid, run.bins, strict=True)
     ]
     if taken != run.accepted or classes != wanted[: len(classes)] or len(classes) < len(wanted) - 1:

@@ -18,6 +18,7 @@ from eskin.base.files import atomic_write, read_arrays, write_arrays
 from eskin.base.outputs import check_file
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.network import IntegerNetwork
+from eskin.model.classifier.words import packed, unpacked
 
 ARRAYS = {"w_in": np.int8, "w_rec": np.int8, "w_out": np.int8, "b_hidden": np.int16, "b_out": np.int16}
 PARAMETERS = {"threshold": np.int32, "leak": np.int8, "out_threshold": np.int32, "out_leak": np.int8}
@@ -58,7 +59,11 @@ class IntegerWeights:
         """Return the network from a file written by ``save``; raise InputError for any other file."""
         if not path.exists():
             raise InputError(f"integer network {path} does not exist; make one with eskin quantise")
-        arrays = read_arrays(path, "an integer network", "quantise again")
+        return cls.of(path, read_arrays(path, "an integer network", "quantise again"))
+
+    @classmethod
+    def of(cls, path: Path, arrays: dict[str, NDArray[Any]]) -> IntegerWeights:
+        """Return the network for the arrays of a file; raise InputError if they are something else."""
         try:
             return cls._from_arrays(arrays)
         except InputError as error:
@@ -82,11 +87,10 @@ class IntegerWeights:
         return cls(network, tuple(names), notes)
 
 
-def is_integer(path: Path) -> bool:
-    """Return True if a file says that it is an integer network."""
-    with contextlib.suppress(InputError, KeyError, TypeError, ValueError, RecursionError):
-        header = json.loads(str(read_arrays(path, "an integer network", "quantise again")["metadata"]))
-        return bool(header["format"] == formats.INTEGER.name)
+def is_integer(arrays: dict[str, NDArray[Any]]) -> bool:
+    """Return True if the arrays of a file say that they are an integer network."""
+    with contextlib.suppress(KeyError, TypeError, ValueError, RecursionError):
+        return bool(json.loads(str(arrays["metadata"]))["format"] == formats.INTEGER.name)
     return False
 
 
@@ -121,7 +125,7 @@ def recurrent_image(network: IntegerNetwork, bits: int) -> list[int]:
     full[:, : config.hidden] = network.w_rec
     words = full.reshape(config.hidden, config.lane_words, config.lanes)
     return [
-        _packed(weights, bits)
+        packed(weights, bits)
         for group, (first, count) in zip(config.stack, config.spans, strict=True)
         for weights in words[group.start : group.end, first : first + count].reshape(-1, config.lanes).tolist()
     ]
@@ -131,7 +135,7 @@ def row_image(config: ClassifierConfig, rows: NDArray[Any], bits: int, words: in
     """Return the ``words`` words of a memory of weights, shape (rows, hidden), with ``bits`` for each weight."""
     full = np.zeros((words >> config.row_bits, config.lanes << config.row_bits), np.int64)
     full[: len(rows), : config.stack[0].end] = rows[:, : config.stack[0].end]
-    return [_packed(weights, bits) for weights in full.reshape(words, config.lanes).tolist()]
+    return [packed(weights, bits) for weights in full.reshape(words, config.lanes).tolist()]
 
 
 def neuron_image(network: IntegerNetwork) -> list[int]:
@@ -148,7 +152,7 @@ def neuron_image(network: IntegerNetwork) -> list[int]:
     table[:hidden, :classes], table[:hidden, classes] = network.w_out, network.b_hidden
     table[:classes, classes + 1] = network.b_out
     words = zip(table.ravel().tolist(), above.ravel().tolist(), strict=True)
-    return [_packed([low], config.neuron_weight_bits) | high << config.neuron_weight_bits for low, high in words]
+    return [packed([low], config.neuron_weight_bits) | high << config.neuron_weight_bits for low, high in words]
 
 
 def parameter_image(network: IntegerNetwork) -> list[int]:
@@ -163,7 +167,7 @@ def parameter_image(network: IntegerNetwork) -> list[int]:
 
 def network_of(config: ClassifierConfig, weights: Sequence[int], neurons: Sequence[int]) -> IntegerNetwork:
     """Return the network stored in two memory images."""
-    rows = np.array([_unpacked(word, config.weight_bits, config.lanes) for word in weights])
+    rows = np.array([unpacked(word, config.lanes, config.weight_bits) for word in weights])
     recurrent, inputs = np.split(rows, [config.recurrent_words])
     w_in = _placed(config, inputs.reshape(config.inputs, -1), 0)
     parts = []
@@ -173,7 +177,7 @@ def network_of(config: ClassifierConfig, weights: Sequence[int], neurons: Sequen
         )
         parts.append(_placed(config, words.reshape(group.end - group.start, -1), first * config.lanes))
     bits, shape = config.neuron_weight_bits, (-1, 1 << config.neuron_row_bits)
-    table = np.array([_unpacked(word, bits, 1) for word in neurons]).reshape(shape)
+    table = np.array([unpacked(word, 1, bits) for word in neurons]).reshape(shape)
     hidden, classes = config.hidden, config.classes
     own = {}
     if config.own_parameters:
@@ -213,15 +217,3 @@ def write_images(network: IntegerNetwork, folder: Path, name: str) -> list[Path]
         with atomic_write(paths[-1]) as file:
             file.write("".join(f"{word:0{digits}x}\n" for word in image).encode())
     return paths
-
-
-def _packed(values: list[int], bits: int) -> int:
-    """Return one word that packs signed integers, the first in the least significant bits."""
-    mask = (1 << bits) - 1
-    return sum((value & mask) << number * bits for number, value in enumerate(values))
-
-
-def _unpacked(word: int, bits: int, count: int) -> list[int]:
-    """Return the signed integers packed in a word, least significant first."""
-    parts = [word >> number * bits & (1 << bits) - 1 for number in range(count)]
-    return [part - (part >> bits - 1 << bits) for part in parts]

@@ -76,10 +76,18 @@ def load_weights(path: str | Path) -> Weights:
 
     Raise InputError if the file cannot be read, is damaged, or is something else.
     """
-    path = Path(path)
+    return weights_of(Path(path), arrays_of(Path(path)))
+
+
+def arrays_of(path: Path) -> dict[str, NDArray[Any]]:
+    """Return the arrays of a file of weights, whose format is not known; raise InputError if it cannot be read."""
     if not path.exists():
         raise InputError(f"weight file {path} does not exist; make one with eskin train")
-    arrays = read_arrays(path, "a weight file", "train again")
+    return read_arrays(path, "a weight file", "train again")
+
+
+def weights_of(path: Path, arrays: dict[str, NDArray[Any]]) -> Weights:
+    """Return the network for the arrays of a weight file; raise InputError if they are damaged or something else."""
     try:
         return _from_arrays(arrays)
     except InputError as error:

@@ -21,7 +21,7 @@ from eskin.snn.data.folds import stratified_folds
 from eskin.snn.data.record import Tick
 from eskin.snn.data.recordings import event_files
 from eskin.snn.data.scans import load_recordings
-from eskin.snn.exchange.weights import Weights, check_class_names, load_weights
+from eskin.snn.exchange.weights import Weights, arrays_of, check_class_names, weights_of
 from eskin.snn.experiments.experiment import Experiment
 
 TEST, TRAINING, OTHER = "test", "training", "other"
@@ -151,9 +151,10 @@ def load_trained(path: Path) -> Trained:
 
     Raise InputError if a file is missing or damaged, the two do not belong together, or the network takes frames.
     """
-    if is_integer(path):
-        return _of_notes(path)
-    weights = load_weights(path)
+    arrays = arrays_of(path)
+    if is_integer(arrays):
+        return _of_notes(path, IntegerWeights.of(path, arrays))
+    weights = weights_of(path, arrays)
     result = result_beside(path, weights)
     if result is None:
         return Trained(weights, BinConfig(bin_s=weights.step_s), unknown=_missing(path))
@@ -175,9 +176,8 @@ def load_trained(path: Path) -> Trained:
     return replace(found, parts=parts, dataset=dataset)
 
 
-def _of_notes(path: Path) -> Trained:
+def _of_notes(path: Path, weights: IntegerWeights) -> Trained:
     """Return an integer network with the notes on its training."""
-    weights = IntegerWeights.load(path)
     notes = TrainingNotes.of(weights, path)
     readout = notes.readout if notes.own is None else notes.own.config
     bins = BinConfig(bin_s=notes.bin_s, polarity=weights.network.config.inputs > readout.taxels)

@@ -8,6 +8,7 @@ from amaranth.sim import Simulator
 
 from eskin.cocotb_tests.independent.settings import Settings
 from eskin.model.address_events import EVENT_DTYPE, Events
+from eskin.model.classifier.words import unpacked
 from eskin.model.config import ReadoutConfig
 from eskin.model.readout import Stimulus
 from eskin.rtl import readout
@@ -83,10 +84,9 @@ class Design:
         bits, size = self.config.sample_bits, self.config.half_width_bits
         codes, widths = self._read("reference_code"), self._read("half_width")
         found = []
-        for taxel in range(self.config.taxels):
-            code = codes >> taxel * bits & (1 << bits) - 1
+        for taxel, code in enumerate(unpacked(codes, self.config.taxels, bits)):
             width = widths >> taxel * size & (1 << size) - 1 if self.config.closes else self.config.step
-            found.append((code - (code >> bits - 1 << bits), width))
+            found.append((code, width))
         return found
 
     def strobes(self) -> list[bool]:

@@ -11,6 +11,7 @@ from eskin.model.classifier.config import ClassifierConfig, highest, lowest
 from eskin.model.classifier.file import neuron_image, weight_image
 from eskin.model.classifier.network import IntegerNetwork
 from eskin.model.classifier.run import first_ready, simulate
+from eskin.model.classifier.words import packed
 from eskin.rtl.classifier import core
 from eskin.verify.faults.bench import NUMBER_BITS, bench_gates, channel_of, inside
 from eskin.verify.faults.gates import last_clock, upset_runs
@@ -122,7 +123,6 @@ def _scans(config: ClassifierConfig) -> Scans:
 def _expected(config: ClassifierConfig, what: Scans) -> list[list[tuple[int, int, int]]]:
     """Return clock, class and evidence of every bin of each scan from the golden model."""
     offers = np.flatnonzero(what.inputs["offer"]).tolist()
-    mask = (1 << config.evidence_bits) - 1
     expected: list[list[tuple[int, int, int]]] = []
     for start, end in zip(what.starts, what.ends, strict=True):
         events = [
@@ -135,7 +135,7 @@ def _expected(config: ClassifierConfig, what: Scans) -> list[list[tuple[int, int
         assert any(one.spikes.any() for one in run.bins), "no neuron fires"
         expected.append([])
         for clock, one in zip(run.valid, run.bins, strict=True):
-            evidence = sum((int(e) & mask) << place * config.evidence_bits for place, e in enumerate(one.evidence))
+            evidence = packed(one.evidence, config.evidence_bits)
             if start + clock < end:
                 expected[-1].append((start + clock, one.winner, evidence))
     return expected
