@@ -11,7 +11,7 @@ from eskin.base.workers.store import Store
 from eskin.verify.proofs import run
 from eskin.verify.proofs.bench import rtlil_of
 from eskin.verify.proofs.engine import solve
-from eskin.verify.proofs.mutants import mutants
+from eskin.verify.proofs.mutants import is_equivalent, mutants
 from eskin.verify.proofs.plan import proofs
 from eskin.verify.proofs.run import FEWEST_MUTANTS, MutantRun, hunts, judge, outcomes, write
 
@@ -46,6 +46,22 @@ def test_a_mutant_of_a_block_without_registers_is_noticed() -> None:
     checker = proof.checker(proof.config)
     (mutant,) = mutants(checker, 1, 0)
     assert solve(checker, proof.depth, 0, mutant.rtlil, cases=False).failed
+
+
+@pytest.mark.parametrize(
+    ("only", "fails"),
+    [
+        ("-mode inv -wire fires", {"added_when_owed", "none_left_out", "spike_counted"}),  # SumsChecker looks at sums
+        ("-mode const0 -wire neurons_read_valid", {"neuron_exact"}),  # the word of another neuron
+        ("-mode const1 -wire best -port Q", set()),  # of one class, which is always the best
+    ],
+)
+def test_a_mutant_of_a_stack_is_judged_by_both_checkers_or_is_equivalent(only: str, fails: set[str]) -> None:
+    proof = next(proof for proof in PROOFS if proof.hunts and len(getattr(proof.config, "layers", ())) > 1)
+    checker = proof.checker(proof.config)
+    (mutant,) = mutants(checker, 1, 0, f"-module eskin_classifier {only}")
+    assert fails <= set(run.failures(proof, mutant.rtlil, 14))
+    assert is_equivalent(checker, mutant) == (not fails)
 
 
 def test_a_seed_draws_the_same_mutants_again_and_none_of_a_clock() -> None:
@@ -101,6 +117,7 @@ def test_one_block_again_keeps_the_results_of_the_others(tmp_path: Path) -> None
     assert [row["property"] for row in found["properties"]] == [row["property"] for row in whole["properties"]]
     assert [one["block"] for one in found["hunts"]] == ["relay"]
     assert found["hunts"][0]["mutants"] == {"mutant": "in_order", "survivor": ""}
+    assert found["hunts"][0]["equivalent"] == []
     assert found["result"] == "proved: 15 properties, 15 of them unbounded, 1 failed"
 
 

@@ -13,13 +13,14 @@ from eskin.rtl import yosys
 from eskin.verify.proofs.bench import TOP, cutting, design, exposing
 from eskin.verify.proofs.checker import Checker
 
+MAP = (
+    "memory -nomap; memory_map; async2sync; formalff -clk2ff -ff2anyinit; setundef -undriven -anyseq; opt -full; "
+    "techmap; opt -fast; simplemap; dffunmap; aigmap; opt_clean; "
+)
+WRITE = "write_aiger -I -zinit -no-startoffset "
 TO_GATES = (
     "read_rtlil readout.il; {cut}{expose}delete t:$meminit_v2; hierarchy -check -top {top}; proc; flatten; opt_clean; "
-    "memory -nomap; memory_map; async2sync; "
-    "formalff -clk2ff -ff2anyinit; setundef -undriven -anyseq; opt -full; "
-    "techmap; opt -fast; simplemap; dffunmap; aigmap; opt_clean; "
-    "write_aiger -I -zinit -no-startoffset search.aig; "
-    "delete -port o:seen_*; opt_clean; write_aiger -I -zinit -no-startoffset proof.aig; design -reset; "
+    f"{MAP}{WRITE}search.aig; delete -port o:seen_*; opt_clean; {WRITE}proof.aig; design -reset; "
 )
 ASSERTED = re.compile(r"Output\s+(\d+) was asserted in frame\s+(\d+) \(solved")
 """Message of bounded search with output and clock; the number in a message of the proof is not a clock."""
@@ -70,11 +71,14 @@ def solve(checker: Checker[Any], depth: int, limit_s: int = 120, rtlil: str = ""
     shrink, ways = (["scorr"], TOGETHER) if checker.together else ([], EACH)
     searched = "search.aig" if cases or not bench.clocked else "proof.aig"  # the search needs a register
     # -x: without stored counterexamples bmc3 reads through a pointer to nothing
-    commands = [f"read_aiger {searched}", "strash", *shrink, f"bmc3 -a -x -F {depth}"]
-    if limit_s:
-        commands += ["read_aiger proof.aig", "strash", ways.format(limit_s)]
+    prove = ["read_aiger proof.aig", "strash", ways.format(limit_s)] if limit_s else []
     to_gates = TO_GATES.format(top=TOP, cut=cutting(checker), expose=exposing(checker))
-    said = yosys.run_abc(to_gates, text, commands)
+    for way in (shrink, []):
+        said = yosys.run_abc(
+            to_gates, text, [f"read_aiger {searched}", "strash", *way, f"bmc3 -a -x -F {depth}", *prove]
+        )
+        if "Does not work for combinational networks" not in said:  # scorr can leave no register
+            break
     if "Error:" in said:
         raise AssertionError(f"the solvers did not search {checker.block.module_name}: {said}")
     found = {names[int(n)]: int(clock) for n, clock in ASSERTED.findall(said)}

@@ -16,8 +16,8 @@ from eskin.base.workers.store import Store
 from eskin.rtl import yosys
 from eskin.verify.proofs.bench import design
 from eskin.verify.proofs.engine import Verdict, solve
-from eskin.verify.proofs.mutants import mutants
-from eskin.verify.proofs.plan import Proof
+from eskin.verify.proofs.mutants import is_equivalent, mutants
+from eskin.verify.proofs.plan import Proof, proofs
 
 NEEDS = Needs(("base", "model", "rtl", "verify"), ("amaranth", yosys.PACKAGE))
 """Packages and libraries that must be equal on all workers of a cluster."""
@@ -115,6 +115,7 @@ class MutantRun:
     seed: int  # seed of the mutants
     # failed properties by the arguments of Yosys' ``mutate``; none where the mutant survives
     mutants: dict[str, list[str]]
+    equivalent: list[str] = field(default_factory=list)  # survivors that are proved equivalent to the block
 
     @property
     def killed(self) -> int:
@@ -123,13 +124,24 @@ class MutantRun:
 
 
 def hunt(proof: Proof, seed: int) -> MutantRun:
-    """Generate mutants of a block in one configuration, and find the properties that each violates."""
-    checker = proof.checker(proof.config)
-    found = {
-        mutant.name: sorted(solve(checker, proof.depth, 0, mutant.rtlil, cases=False).failed)
-        for mutant in mutants(checker, DRAWN, seed)
-    }
-    return MutantRun(proof.block, proof.size, seed, found)
+    """Generate mutants of a block in one configuration, and find the properties that each violates.
+
+    All checkers of the block in this configuration look for a failure.
+    """
+    checker, found = proof.checker(proof.config), MutantRun(proof.block, proof.size, seed, {})
+    for mutant in mutants(checker, DRAWN, seed):
+        if is_equivalent(checker, mutant):
+            found.equivalent.append(mutant.name)
+        found.mutants[mutant.name] = [] if mutant.name in found.equivalent else failures(proof, mutant.rtlil)
+    return found
+
+
+def failures(proof: Proof, rtlil: str, depth: int | None = None) -> list[str]:
+    """Return the properties that a mutant violates within a number of clocks, of every checker of its configuration."""
+    own = (proof.checker.block, proof.config)
+    judges = [one for one in proofs() if (one.checker.block, one.config) == own]
+    found = (solve(one.checker(one.config), depth or one.depth, 0, rtlil, cases=False).failed for one in judges)
+    return sorted(name for failed in found for name in failed)
 
 
 def fingerprint(proof: Proof) -> str:
@@ -162,7 +174,7 @@ def hunts(proofs: Sequence[Proof], pool: Pool, store: Store | None = None) -> It
     """
 
     def name(proof: Proof, seed: int) -> str:
-        return f"mutants {proof.block} {proof.size} {proof.depth} {seed} {fingerprint(proof)}"
+        return f"hunt {proof.block} {proof.size} {proof.depth} {seed} {fingerprint(proof)}"
 
     count: Counter[tuple[str, str]] = Counter()
     for seed in range(MAX_DRAWS):

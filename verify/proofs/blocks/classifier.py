@@ -45,7 +45,10 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         return {"watch": config.hidden + config.inputs, "rival": max(config.classes, config.lane_words)}
 
     def inner(self, config: ClassifierConfig) -> dict[str, Any]:
-        return dict.fromkeys(("fires",) if config.layers else (), In(1)) | {
+        flags = [f"{memory}_read_valid" for memory in ("inputs", "recurrent", "neurons")] + ["fires"] * bool(
+            config.layers
+        )
+        return dict.fromkeys(flags, In(1)) | {
             "inputs_read_address": In(address_bits(config.input_words)),
             "inputs_read_data": In(config.lanes * config.in_bits),
             "recurrent_read_address": In(address_bits(config.recurrent_words)),
@@ -79,7 +82,7 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         self.source, self.added_word = self._row(m)
         compared = before(m, (self.state == State.NEURONS.value) & ~self.scan_start, "neuron_read")
         self.sets = before(m, compared & ~self.scan_start, "neuron_compared")
-        word = before(m, self.neurons_read_address, "word_read")
+        word = self._read(m, "neurons")
         self.word, self.number = word, word[: config.neuron_row_bits]
         fires = self.fires if config.layers else self.spikes[0]
         self.spike = before(m, (self.state == State.SPIKES.value) & fires & ~self.scan_start, "spike")
@@ -89,13 +92,21 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
         self.turn = Signal(range(max(config.classes, 2)))
         self.keep(m, self.turn, self.scan_start, turns, Mux(self.turn == config.classes - 1, 0, self.turn + 1))
 
+    def _read(self, m: Module, memory: str) -> Signal:
+        """Return the address of the word that a memory gives."""
+        address = getattr(self, f"{memory}_read_address")
+        read = Signal.like(address, name=f"{memory}_read")
+        with m.If(getattr(self, f"{memory}_read_valid")):
+            m.d.sync += read.eq(address)
+        return read
+
     def _row(self, m: Module) -> tuple[Value, Value]:
         """Return the row whose word is added, events behind the hidden neurons, and the word of potentials it changes.
 
         In a stack, the rows of recurrent weights follow each other, and begin at the first word that they change.
         """
         config = self.config
-        event, spike = before(m, self.inputs_read_address, "event_row"), before(m, self.recurrent_read_address, "spike")
+        event, spike = self._read(m, "inputs"), self._read(m, "recurrent")
         if not config.layers:
             read = Mux(self.recurrent, spike, event + config.recurrent_words)
             return read[config.row_bits :], read[: config.row_bits]
@@ -326,8 +337,7 @@ class SumsChecker(_ClassifierChecker):
                 good &= implies(begun, (total + low >= least) & (total + high <= most))
         if synapse.shift:
             good &= self._currents(m)
-        if config.own_parameters:
-            good &= self._placed(m)
+        good &= self._placed(m)
         yield "neuron_exact", implies(self.fits, good), fires
 
     def _parameters(self, threshold: int, leak: Leak) -> tuple[Any, Any, Any]:
@@ -338,13 +348,20 @@ class SumsChecker(_ClassifierChecker):
         return self.held_threshold[: threshold.bit_length()], self.held_leak, self.parameters_read_data[bits:]
 
     def _placed(self, m: Module) -> Value:
-        """Return whether a hidden neuron and an output are compared with the word of their own."""
-        read = Signal.like(self.parameters_read_address, name="parameters_read")
-        with m.If(self.parameters_read_valid):
-            m.d.sync += read.eq(self.parameters_read_address)
+        """Return whether each hidden neuron and output has its own bias, and its own threshold and leak."""
+        config = self.config
+        bias, row = self.neurons_read_data[: config.bias_bits], Const(config.classes, config.neuron_row_bits)
+        of_neuron = self.held_bias.as_unsigned() == before(m, bias, "bias")
+        of_neuron &= before(m, self.word, "bias_address") == Cat(row, self.hidden_index)
+        of_output = self.word == Cat((row + 1)[: len(row)], self.output_index)
+        biased = implies(self.sets, of_neuron) & implies(self.output, of_output)
+        if not config.own_parameters:
+            return biased
+        read = self._read(m, "parameters")
         held = Cat(self.held_threshold, self.held_leak) == before(m, self.parameters_read_data, "parameters")
         address = Mux(self.output, Cat(1, self.output_index), Cat(0, self.hidden_index))
-        return implies(self.sets | self.output, held & (before(m, read, "parameters_address") == address))
+        own = held & (before(m, read, "parameters_address") == address)
+        return biased & implies(self.sets | self.output, own)
 
     def _currents(self, m: Module) -> Value:
         """Return whether each neuron uses its own memory word, and whether no current grows without a bias."""
