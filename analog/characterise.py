@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from eskin.analog.circuit import FrontEnd, Taxel
 from eskin.analog.decision import FINE_S, FINE_STEPS, compare, decide, fine, waveform
@@ -233,7 +233,7 @@ def noise(f: FrontEnd, inputs_v: tuple[float, ...] = (-0.4e-3, 0.0, 0.4e-3), cop
             for side, words in zip("pn", input_pair(f), strict=True):
                 lines.append(f"I{side}{n} xc{n}.{words[1]} xc{n}.{words[3]} {white}")
         shares.append(float(answers(f, lines, copies, "50p").mean()))
-    slope, at_zero = np.polyfit(inputs_v, norm.ppf(np.clip(shares, 0.5 / copies, 1 - 0.5 / copies)), 1)
+    slope, at_zero = np.polyfit(inputs_v, ndtri(np.clip(shares, 0.5 / copies, 1 - 0.5 / copies)), 1)
     return {
         "gm_s": gm,
         "inputs_v": list(inputs_v),

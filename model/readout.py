@@ -425,7 +425,7 @@ def _set(p: Parameters, now: Any) -> Parameters:
     return Parameters(*p[:-1], compiled.with_settings(p.rule, now))
 
 
-@njit(inline="always")
+@njit(cache=True, forceinline=True)  # inlined by LLVM: compiled once, not once more for every link and host
 def decide(p: Any, y: int, todo: Any, tick: bool, leaks: bool, taxels: Any, rows: Any, latch: Any) -> bool:
     """Compute the decisions of the taxels of row y; return True if another decision follows in the next clock.
 
