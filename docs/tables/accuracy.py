@@ -8,7 +8,7 @@ from docs.tables.frontier import BIPOLAR_LEAKY, FRAMES_LEAKY, FRAMES_OF_POWER, L
 from docs.tables.power import power_rows
 from docs.tables.verification import replayed
 from docs.tables.write import Rows, filled, only, read, table
-from eskin.snn.experiments.pairs import Answers, common_answers
+from eskin.snn.experiments.pairs import Answers, common_answers, right_of
 
 TEXTURES = "docs/data/classifier/"
 
@@ -90,6 +90,22 @@ def early_values() -> dict[str, Any]:
     report = read(f"{TEXTURES}early.json")
     best = max(report["margins"], key=lambda row: (row["right"], -row["mean_s"]))
     return {"best": best, "fast": best["mean_s"], "whole": report["whole"]}
+
+
+def delays() -> Rows:
+    """Yield comparisons of networks whose inputs are repeated with delays with networks without delays."""
+    report = read(f"{TEXTURES}delays.json")
+    answers = {
+        (task["task"], name): Answers(task["labels"], task["predictions"]["none"], words)
+        for task in report["tasks"]
+        for name, words in task["predictions"].items()
+        if name != "none"
+    }
+    for (task, name), claim in compared(answers).items():
+        labels, *both = answers[task, name]
+        plain, late = (", ".join(str(n) for n in right_of(labels, words).sum(axis=1)) for words in both)
+        row = {"task": task, "delays": name.replace(" ", ", "), "images": len(labels), "plain": plain, "late": late}
+        yield row | claim._asdict()
 
 
 def nir_networks() -> None:
