@@ -8,13 +8,14 @@ The recordings are written as a user has them: ``eskin train --data out/studies/
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -229,7 +230,16 @@ class Readout:
         count = LEARNED * len(kind.classes)
         follows = for_recordings("skin", np.full(count, kind.seconds), step_s) | {"learn_decay": True}
         epochs = epochs_for(count, follows.get("windows", 1), follows["batch"], UPDATES)
-        return experiment_of("skin", follows, epochs, BinConfig(bin_s=kind.bin_s), frames, events=str(events))
+        bins = BinConfig(bin_s=kind.bin_s)
+        return experiment_of("skin", follows, epochs, bins, frames, events=str(events), tests=(TESTS,))
+
+    def frames(self, bits_per_s: float) -> list[Self]:
+        """Return the frames that are tried at a data rate, at most as fast as the samples."""
+        found, config = [], self.config
+        for bits in FRAME_BITS:
+            rate_hz = min(bits_per_s / (config.taxels * bits), config.sample_rate_hz)
+            found.append(dataclasses.replace(self, text=f"frame:{rate_hz:.4g}:{bits}"))
+        return found
 
     def bits_per_s(self, rate_hz: float) -> float:
         """Return the data rate for a rate of events or frame values."""
@@ -241,13 +251,8 @@ def encoders_of(task: str, place: Path) -> dict[int, list[Readout]]:
     files = sorted(place.glob("*/learn_*.npy"))[::4]
     recordings = [quantise(np.load(file).reshape(-1, Readout(task, "lcs:4").config.taxels), 12)[0] for file in files]
 
-    def rate_of(readout: Readout) -> float:
-        config = with_seconds(readout.config.replace(clocks_per_sample=MAX_CLOCKS), ())
-        counts = sum(int(np.abs(encode_timed(config, codes)[0].astype(np.int64)).sum()) for codes in recordings)
-        return counts * readout.config.event_bits
-
     rates = {
-        readout: rate_of(readout)
+        readout: rate_of(readout.config, recordings)
         for kind in registry.NAMES
         for readout in (Readout(task, f"{kind}:{bits}") for bits in (BUDGETS if kind == "lcs" else TRIED))
     }
@@ -260,13 +265,11 @@ def encoders_of(task: str, place: Path) -> dict[int, list[Readout]]:
     return found
 
 
-def frames_of(task: str, bits_per_s: float) -> list[Readout]:
-    """Return the frames that are tried at a data rate, at most as fast as the samples."""
-    kind, found = KINDS[task], []
-    for bits in FRAME_BITS:
-        rate_hz = min(bits_per_s / (Readout(task, "lcs:4").config.taxels * bits), kind.rate_hz)
-        found.append(Readout(task, f"frame:{rate_hz:.4g}:{bits}"))
-    return found
+def rate_of(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]) -> float:
+    """Return the mean data rate of recordings in bit/s, with the leak that ``eskin train`` takes."""
+    config = with_seconds(config.replace(clocks_per_sample=MAX_CLOCKS), ())
+    events = sum(int(np.abs(encode_timed(config, codes)[0].astype(np.int64)).sum()) for codes in recordings)
+    return events * config.event_bits * config.sample_rate_hz / sum(map(len, recordings))
 
 
 # -- trainings
@@ -280,7 +283,7 @@ def trained(experiment: Experiment, seed: int, inner: bool) -> dict[str, Any]:
 
     torch.set_num_threads(1)
     data = experiment.data()
-    fold = Fold.named(data, TESTS)
+    fold = Fold.named(data, *experiment.tests)
     learned, judged = fold.images, fold.test
     if inner:
         judged = inner_part(data.image_labels, learned, seed)
@@ -330,7 +333,7 @@ def point_of(readout: Readout, budget: int, results: Sequence[dict[str, Any]]) -
 def references_of(experiment: Experiment) -> dict[str, str]:
     """Return the test predictions of plain classifiers of the signals by name, and the labels."""
     data, folder = experiment.data(), Path(str(experiment.events))
-    fold, labels = Fold.named(data, TESTS), data.image_labels
+    fold, labels = Fold.named(data, *experiment.tests), data.image_labels
     found = references(data, fold.images, fold.test, signal_statistics(folder, data.names))
     codes, _ = signals_of(folder)
     lines = np.array([_spectrum(codes[name]) for name in data.names])
@@ -393,16 +396,21 @@ def compute(pool: Pool) -> Data:
     return {"tasks": tasks}
 
 
-def compared(runs: Trainings, readouts: Mapping[int, Sequence[Readout]]) -> tuple[list[Data], list[Data]]:
-    """Return the points of all readouts and of the best frames, and the inner validation of all frames."""
+def compared(
+    runs: Trainings, readouts: Mapping[int, Sequence[Readout]], seeds: int = SEEDS
+) -> tuple[list[Data], list[Data]]:
+    """Return the points of all readouts and of the best frames, and the inner validation of all frames.
+
+    The frames have the data rate of the first readout.
+    """
     points, inner = [], []
     for budget, own in readouts.items():
-        some = [point_of(one, budget, got) for one, got in zip(own, runs.of(own, SEEDS), strict=True)]
-        tried = frames_of(own[0].task, some[0]["bits_per_s"])
+        some = [point_of(one, budget, got) for one, got in zip(own, runs.of(own, seeds), strict=True)]
+        tried = own[0].frames(some[0]["bits_per_s"])
         judged = [point_of(one, budget, got) for one, got in zip(tried, runs.of(tried, 1, True), strict=True)]
         best = max(range(len(tried)), key=lambda number: judged[number]["accuracy"])
         inner += [one | {"chosen": number == best} for number, one in enumerate(judged)]
-        (got,) = runs.of([tried[best]], SEEDS)
+        (got,) = runs.of([tried[best]], seeds)
         points += [*some, point_of(tried[best], budget, got)]
     return points, inner
 
