@@ -69,6 +69,8 @@ NETWORKS: dict[str, dict[str, dict[str, Any]]] = {
         "leaky-2ms": _LEAKY_2MS,
         "leaky-96": _LEAKY_2MS | {"start_rows": 96},
         "leaky-96-dropout": _LEAKY_2MS | {"start_rows": 96, "dropout": 0.1},
+        "leaky-96-taxels": _LEAKY_2MS | {"start_rows": 96, "dropout": 0.1, "drop_taxels": 0.1},
+        "leaky-96-wide": _LEAKY_2MS | {"start_rows": 96, "hidden": 256},
         "convolutions": {"recipe": "cnn", "hidden": 128, "learning_rate": 3e-3},
         "paper": {"recipe": "paper"},
     },
@@ -130,16 +132,26 @@ SEEDS = {
 }
 """Seeds of the chosen readouts, by network and budget; one elsewhere."""
 
-MORE_HEIGHTS: dict[int, tuple[str, ...]] = {
-    1_000: ("nlcs-bipolar:2/12x16:across:6", "nlcs-bipolar:1/24x8:across:22"),
-    2_200: ("nlcs-bipolar:2/12x16:across:12",),
-}
-"""Readouts and taxels that are tried with 96 scans of each image, by budget."""
-
-VALIDATED: dict[int, tuple[str, ...]] = {1_000: ("physical/leaky-96-dropout/nlcs-bipolar:1/24x8:across:22",)}
-"""Points for which inner validation alone was made, by budget: they cannot be chosen."""
+MORE_HEIGHTS: tuple[tuple[int, tuple[str, ...]], ...] = (
+    (
+        1_000,
+        (
+            "physical/leaky-96/nlcs-bipolar:2/12x16:across:6",
+            "physical/leaky-96/nlcs-bipolar:2/24x8:across:6",
+            "physical/leaky-96/nlcs-bipolar:1/24x8:across:22",
+            "physical/leaky-96-dropout/nlcs-bipolar:1/24x8:across:22",
+            "physical/leaky-96-taxels/nlcs-bipolar:1/24x8:across:22",
+            "physical/leaky-96-wide/nlcs-bipolar:1/24x8:across:22",
+        ),
+    ),
+    (2_200, ("physical/leaky-96/nlcs-bipolar:2/12x16:across:12",)),
+    (2_200, ("physical/leaky-96/lcs:2/12x16:across:12",)),
+    (2_200, ("physical/leaky-96/frame-onoff:250:3:2/12x16:across:12",)),
+)
+"""Points with more scans of each image, by budget: inner validation chooses one of each list."""
 
 ALSO: dict[str, int] = {
+    "physical/leaky-96/nlcs-bipolar:1/24x8:across:22": 1,
     "physical/leaky/lcs:2/12x16:across:12": 3,
     "physical/leaky/frame-onoff:250:3:2/12x16:across:12": 3,
     "physical/leaky-2ms/lcs:2/12x16:across:12": 3,
@@ -390,20 +402,12 @@ class Frontier:
     def point(self, point: Point, seeds: int) -> dict[str, Any]:
         """Return a point with its accuracy over all folds and a number of seeds, after the trainings."""
         cells = self._known(cells_of(point, seeds))
-        order = np.argsort(np.concatenate([cell["images"] for cell in cells[:FOLDS]]))
-        words = []
-        for seed in range(seeds):
-            own = cells[FOLDS * seed : FOLDS * (seed + 1)]
-            labels = as_word(np.concatenate([cell["labels"] for cell in own])[order])
-            words.append(as_word(np.concatenate([cell["predicted"] for cell in own])[order]))
         more: dict[str, Any] = {"trivial": self.trivial(point)}
-        if all("of_scans" in cell for cell in cells):
-            more["of_scans"] = float(np.mean([cell["of_scans"] for cell in cells]))
         inner = self._known(inner_cells(point))
         timed, judged = ([cell for cell in found if "answers" in cell] for found in (cells, inner))
         if timed and judged:
             more["latency"] = latency_of(timed, judged)
-        return _named(point, point.experiment(self._dataset)) | self.readout(point) | more | _result(labels, words)
+        return _named(point, point.experiment(self._dataset)) | self.readout(point) | more | result_of(cells)
 
 
 def measured(run: Frontier, step: Step) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -439,12 +443,8 @@ def measured(run: Frontier, step: Step) -> tuple[list[dict[str, Any]], list[dict
                     best = choose_of(tried, budget_hz, SEEDS.get((network, budget_hz), 1))
                     if kind == "lcs":
                         bits_per_s = best["bits_per_s"]
-    for budget_hz, texts in MORE_HEIGHTS.items():
-        tried = [Point.parse(f"physical/leaky-96/{text}") for text in texts]
-        choose_of(tried, budget_hz, SEEDS.get(("leaky-96", budget_hz), 1), "of_scans")
-        tried = [Point.parse(name) for name in VALIDATED.get(budget_hz, ())]
-        run.train([cell for point in tried for cell in inner_cells(point)], step)
-        inner += [run.inner(point, INNER) | {"budget_hz": budget_hz, "chosen": False} for point in tried]
+    for budget_hz, names in MORE_HEIGHTS:
+        choose_of([Point.parse(name) for name in names], budget_hz, SEEDS.get(("leaky-96", budget_hz), 1), "of_scans")
     run.train([cell for point, number in seeds.items() for cell in cells_of(point, number)], step)
     return [run.point(point, number) for point, number in seeds.items()], inner
 
@@ -578,6 +578,18 @@ def _result(labels: str, words: list[str]) -> dict[str, Any]:
         "labels": labels,
         "predictions": words,
     }
+
+
+def result_of(cells: Cells) -> dict[str, Any]:
+    """Return the result of trainings with all folds of one seed or several, in the order of ``cells_of``."""
+    order = np.argsort(np.concatenate([cell["images"] for cell in cells[:FOLDS]]))
+    seeds = [cells[at : at + FOLDS] for at in range(0, len(cells), FOLDS)]
+    labels = as_word(np.concatenate([cell["labels"] for cell in seeds[0]])[order])
+    words = [as_word(np.concatenate([cell["predicted"] for cell in own])[order]) for own in seeds]
+    more = {}
+    if all("of_scans" in cell for cell in cells):
+        more["of_scans"] = float(np.mean([cell["of_scans"] for cell in cells]))
+    return more | _result(labels, words)
 
 
 def _scans_digest(experiment: Experiment) -> str:

@@ -16,6 +16,9 @@ FRAMES_OF_POWER = "physical/leaky-2ms/frame-onoff:250:8:6/12x16:across:12"
 
 NETWORKS = {"leaky": "leaky", "leaky-2ms": "leaky", "convolutions": "convolutions", "paper": "the paper's"}
 
+CHANGES = {"hidden": "hidden neurons", "dropout": "dropout", "drop_taxels": "taxels left out"}
+"""Settings of the networks with more scans, in words."""
+
 SAND, STONE = "3", "5"
 """Classes in the stored answers."""
 
@@ -105,12 +108,10 @@ WHOLE_ARRAYS = [
 """Network, LCS and frames of all 64 taxels that are compared on ``paper`` scans."""
 
 
-def whole_arrays() -> Rows:
-    """Yield a row for each comparison of LCS with frames of all taxels."""
+def whole_arrays() -> dict[str, int]:
+    """Count the comparisons of LCS with frames of all taxels."""
     pairs = [[at(f"paper/{network}/{name}/all") for name in names] for network, *names in WHOLE_ARRAYS]
-    claims = compared({number: _answers(*points) for number, points in enumerate(pairs)})
-    for number, (lcs, frames) in enumerate(pairs):
-        yield {"network": NETWORKS[lcs["network"]], "lcs": lcs, "frames": frames, "claim": claims[number]._asdict()}
+    return counted(compared({number: _answers(*points) for number, points in enumerate(pairs)}).values())
 
 
 def frontier() -> None:
@@ -133,43 +134,76 @@ def frontier() -> None:
     table(["scan, network", "readout", *(f"about {budget:,} events/s" for budget in budgets)], rows)
 
 
+def _with_more_scans() -> list[Data]:
+    """Return the inner validations of the readouts that were tried with more scans of each image."""
+    networks = read("docs/data/frontier.json")["training"]["networks"]["physical"]
+    more = [name for name, settings in networks.items() if "start_rows" in settings]
+    return [one for one in read("docs/data/frontier.json")["inner"] if one["name"].split("/")[1] in more]
+
+
 def more_scans() -> Rows:
-    """Yield a row for each readout of bipolar N-LCS that was tried with 96 scans of each image."""
-    data = read("docs/data/frontier.json")
-    for one in data["inner"]:
+    """Yield a row for each readout that was tried with more scans of each image."""
+    data, steps = read("docs/data/frontier.json"), read("docs/data/steps.json")
+    networks, points = data["training"]["networks"]["physical"], {one["name"]: one for one in data["points"]}
+    for one in _with_more_scans():
         _, network, readout, choice = one["name"].split("/")
-        if network.startswith("leaky-96"):
-            skin, _, taxels = choice.split(":")
-            line = f"{readout.rpartition(':')[2]} b, {taxels} taxels of {skin.replace('x', ' x ')}"
-            if network != "leaky-96":
-                line += f", dropout {data['training']['networks']['physical'][network]['dropout']}"
-            line += filled(" | {rate_hz:,.0f} | {learned:100*.1f} % | {of_scans:100*.1f} % | ", one)
-            test = "{of_scans:100*.1f} % | {row:%}, seeds: {seeds}"
-            yield line + (filled(test, at(one["name"])) if one["chosen"] else "not tested | ")
+        skin, _, taxels = choice.split(":")
+        kind, bits = _kind(one["name"]), readout.split(":")
+        size = f"{bits[2]} b, {bits[1]} Hz" if kind == "frame" else f"{bits[1]} b"
+        line = filled("{kind:E}, {taxels} x {bits}", {"kind": kind, "taxels": taxels, "bits": size})
+        line += f", {skin.replace('x', ' x ')} taxels" if skin != "12x16" else ""
+        changed = {key: value for key, value in networks[network].items() if value != networks["leaky-96"].get(key)}
+        line += "".join(f", {CHANGES[key]} {value}" for key, value in changed.items())
+        yield _tried(line, one, points.get(one["name"]))
+    for number, rule in enumerate(steps["rules"]):
+        line = filled("LCS, 12 taxels, step of {step:.0f} codes", rule)
+        if rule["growth"] > 1:
+            line += filled(", x {growth} at an event for {shrinks_s:1e3*.0f} ms", rule)
+        yield _tried(line, rule, steps["test"] if number == steps["chosen"] else None)
+
+
+def _tried(line: str, one: Data, test: Data | None) -> str:
+    line += filled(" | {rate_hz:,.0f} | {learned:100*.1f} % | {of_scans:100*.1f} % | ", one)
+    return line + (filled("{of_scans:100*.1f} % | {row:%} | {seeds}", test) if test else " |  | ")
 
 
 def more_scans_values() -> Data:
-    """Return the readouts that were chosen with 96 scans of each image, by budget, and compare them with 24 scans."""
-    few, more = chosen("physical", "leaky-2ms"), chosen("physical", "leaky-96")
-    claims = compared({key: _answers(few[key], point) for key, point in more.items()})
-    points = {budget: point for (_, budget), point in more.items()}
+    """Return the readouts that were chosen with more scans of each image, and compare them.
+
+    ``few``: comparisons with the readouts chosen with 24 scans. ``rivals``: comparisons of bipolar N-LCS with LCS and
+    frames, all with 96 scans.
+    """
+    points = {(_kind(one["name"]), one["budget_hz"]): at(one["name"]) for one in _with_more_scans() if one["chosen"]}
+    before, bipolar = chosen("physical", "leaky-2ms"), points["nlcs-bipolar", 2200]
+    few = compared({key: _answers(before[key], point) for key, point in points.items()})
+    rivals = compared({kind: _answers(points[kind, 2200], bipolar) for kind in ("lcs", "frame")})
     errors = [
         {label, answer}
-        for point in points.values()
+        for (kind, _), point in points.items()
+        if kind == "nlcs-bipolar"
         for word in point["predictions"]
         for label, answer in zip(point["labels"], word, strict=True)
         if label != answer
     ]
-    found = counted(claims.values())
-    return found | {
-        "significant": found["more"] + found["less"],
-        "p": [claim.p for claim in claims.values()],
-        "taxels": {budget: len(point["taxels"]) for budget, point in points.items()},
-        "rate": {budget: point["rate_hz"] for budget, point in points.items()},
-        "test": points,
+    steps = read("docs/data/steps.json")
+    (low,) = (one for one in _with_more_scans() if one["name"] == points["nlcs-bipolar", 1000]["name"])
+    return {
+        "few": _significant(few),
+        "rivals": _significant(rivals),
+        "best": bipolar,
+        "lcs": points["lcs", 2200],
+        "frame": points["frame", 2200],
+        "low": points["nlcs-bipolar", 1000] | {"inner": low},
+        "steps": steps,
+        "gain": steps["rules"][steps["chosen"]]["of_scans"] - only(steps["rules"], growth=1)["of_scans"],
         "errors": len(errors),
         "confused": errors.count({SAND, STONE}),
     }
+
+
+def _significant(claims: dict[Any, Claim]) -> Data:
+    found = counted(claims.values())
+    return {"of": found["of"], "count": found["more"] + found["less"], "p": [claim.p for claim in claims.values()]}
 
 
 def power_of_frames() -> float:
@@ -202,8 +236,7 @@ def frontier_chip(readout: str, network: str = "leaky-2ms", leaks: str = FLOAT_L
     float_network = at(f"physical/{network}/{readout}/12x16:across:12")
     pair = compare(found["labels"], found["predictions"], float_network["predictions"])
     interval = {"low": pair.interval[0], "high": pair.interval[1]}
-    stalled = sums["stalls"] / sums["clocks"]
-    return found | sums | {"lead": pair.difference, "a": float_network, "stalled": stalled} | interval
+    return found | sums | {"lead": pair.difference, "a": float_network} | interval
 
 
 def _chips() -> list[Data]:
@@ -226,13 +259,10 @@ def frontier_chips() -> Rows:
 
 
 def chips_compared() -> Data:
-    """Count the comparisons of the chips with their float networks, with fewer scans, and of bipolar N-LCS with LCS.
-
-    ``stalled`` is the part of the clocks in which the readout of bipolar N-LCS waits for the classifier.
-    """
+    """Count the comparisons of the chips with their float networks, with fewer scans, and of bipolar N-LCS with LCS."""
     answers = {chip["a"]["name"] + chip["leaks"]: _answers(chip["a"], chip) for chip in _chips()}
     bipolar = frontier_chip("nlcs-bipolar:2")
     answers["lcs"] = _answers(frontier_chip("lcs:2"), bipolar)
     answers["scans"] = _answers(bipolar, frontier_chip("nlcs-bipolar:2", "leaky-96"))
     found = counted(compared(answers).values())
-    return found | {"significant": found["more"] + found["less"], "stalled": bipolar["stalled"]}
+    return found | {"significant": found["more"] + found["less"]}

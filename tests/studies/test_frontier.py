@@ -185,7 +185,7 @@ def test_the_best_in_inner_validation_is_measured_and_frames_have_its_rate(monke
     monkeypatch.setattr(frontier, "BUDGETS_HZ", (1_000,))
     monkeypatch.setattr(frontier, "CANDIDATES", {"physical": {"lcs": ("2x5 3x2 4x1",), "nlcs": ("5x5 6x2",)}})
     monkeypatch.setattr(frontier, "ALSO", {"physical/convolutions/nlcs:6/12x16:across:2": 1})
-    monkeypatch.setattr(frontier, "MORE_HEIGHTS", {})
+    monkeypatch.setattr(frontier, "MORE_HEIGHTS", ())
     accuracies = {"lcs:2": 0.8, "lcs:3": 0.9, "lcs:4": 0.9, "nlcs:5": 0.5, "nlcs:6": 0.6}
 
     def validated(point: Point, _: int) -> dict[str, Any]:
