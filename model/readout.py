@@ -338,7 +338,7 @@ def _loop(p: Any, link: Any, s: Inputs, r: Registers, given_settings: Any, traff
     log = np.empty((1024, 2), np.int64)
     # events, sample ticks, masks, choices of fields, and writes of a host so far
     events = ticks = changes = choices = writes = 0
-    tick = again = False
+    tick = again = np.bool_(False)  # no literal, for which Numba would compile ``decide`` once more
     host = settings.new_host()
     t = 0
     while t < clocks:
