@@ -338,7 +338,8 @@ def _loop(p: Any, link: Any, s: Inputs, r: Registers, given_settings: Any, traff
     log = np.empty((1024, 2), np.int64)
     # events, sample ticks, masks, choices of fields, and writes of a host so far
     events = ticks = changes = choices = writes = 0
-    tick = again = np.bool_(False)  # no literal, for which Numba would compile ``decide`` once more
+    again: Any = np.bool_(False)  # no literal, for which Numba would compile ``decide`` once more
+    tick = again
     host = settings.new_host()
     t = 0
     while t < clocks:

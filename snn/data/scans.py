@@ -203,24 +203,3 @@ def _names_of(images: list[tuple[str, str, str]]) -> tuple[str, ...]:
         if len(set(names)) == len(names):
             break
     return tuple(names)
-
-
-def empty_bins(data: ScanData) -> float:
-    """Return the share of bins without an event, over all channels."""
-    return float((data.values == 0).mean())
-
-
-def likeness(first: ScanData, second: ScanData) -> dict[str, float]:
-    """Return the agreement of the event counts of two readouts by taxel and bin, with ON and OFF counts added.
-
-    ``correlation`` is the Pearson correlation of the counts; ``ratio`` the events of the second readout by those of the
-    first. The bins that only one of the two has, at the end, are left out. Encoders whose events count from other times
-    on have other bins and cannot be compared.
-    """
-    steps = min(first.steps, second.steps)
-    counts = [
-        data.values[:, :steps].reshape(len(data), steps, -1, data.taxels).sum(2, dtype=np.int64).ravel()
-        for data in (first, second)
-    ]
-    ratio = counts[1].sum() / counts[0].sum()
-    return {"correlation": float(np.corrcoef(*counts)[0, 1]), "ratio": float(ratio)}

@@ -8,9 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from eskin.base.errors import InputError
 from eskin.snn.experiments.intervals import bootstrap
-from eskin.snn.experiments.points import Point
 
 
 class Answers(NamedTuple):
@@ -23,7 +21,7 @@ class Answers(NamedTuple):
 
 @dataclass(frozen=True)
 class Pair:
-    """Predictions of two sweep points for the same images."""
+    """Predictions of two points or networks for the same images."""
 
     accuracy_first: list[float]
     accuracy_second: list[float]
@@ -38,18 +36,6 @@ class Pair:
     interval: tuple[float, float]
     """Its 95 % bootstrap interval over images and seeds, which are drawn in pairs."""
     images: int
-
-
-def pair(first: Point, second: Point, reading: str) -> Pair:
-    """Return the comparison of two sweep points over their common seeds.
-
-    Raise InputError if the two points have different test images.
-    """
-    if any(first[name] != second[name] for name in ("labels", "class_names")):
-        raise InputError(
-            f"{first['name']} and {second['name']} have different images or classes and cannot be compared"
-        )
-    return compare(first["labels"], *(point[reading]["predictions"] for point in (first, second)))
 
 
 def compare(labels: Sequence[Any], first: Sequence[Sequence[Any]], second: Sequence[Sequence[Any]]) -> Pair:

@@ -10,7 +10,6 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.snn.data.coding import coded_bits, events_bps, frames_bps
 from eskin.snn.data.frame_steps import FrameSteps
-from eskin.snn.data.scans import ScanData, empty_bins, likeness
 from eskin.snn.experiments import sweep
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.sweep import coded_bps
@@ -84,17 +83,3 @@ def test_a_readout_has_coded_rates_below_its_own() -> None:
     frames = coded_bps(Experiment(dataset="embedded", readout=readout, frames=FrameSteps.parse("frame:250:8", 0.004)))
     assert 0 < frames["differences"] < 250 * 4 * 8
     assert 0 < frames["samples"] < 250 * 4 * 8
-
-
-def scans(values: list[list[int]]) -> ScanData:
-    found = np.array([values], np.int16)
-    one = np.zeros(1, np.int64)
-    return ScanData(found, one, one, ("a",), ("c",), 2, 0.004, 1.0)
-
-
-def test_likeness_by_hand() -> None:
-    nlcs = scans([[0, 1], [2, 0], [0, 3], [9, 9]])
-    lcs = scans([[0, 1, 0, 1], [1, 0, 3, 0], [0, 6, 0, 0]])  # ON of both taxels, then OFF; a bin shorter
-    assert empty_bins(lcs) == pytest.approx(7 / 12)
-    assert likeness(nlcs, lcs) == {"correlation": pytest.approx(1.0), "ratio": 2.0}
-    assert likeness(nlcs, scans([[1, 0], [0, 2], [3, 0]]))["correlation"] < 0

@@ -26,12 +26,11 @@ from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.scans import ScanData
 from eskin.snn.experiments import crossval
 from eskin.snn.experiments.experiment import Experiment
-from eskin.snn.experiments.pairs import pair
-from eskin.snn.experiments.points import READINGS, Point, as_word, load_sweep
+from eskin.snn.experiments.pairs import compare
+from eskin.snn.experiments.points import READINGS, as_word, load_sweep
 from eskin.snn.experiments.settings import parse_points
 from eskin.snn.experiments.sweep import NEEDS, PointRun, SweepPoint, sweep
 from eskin.snn.training import TrainConfig
-from studies.pair import pairs_of
 from tests.snn.helpers import easy_data
 
 ENCODERS = ", ".join(registry.NAMES)
@@ -54,7 +53,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.quick
-def test_only_missing_cells_are_run_and_every_prediction_is_kept_for_pairs(
+def test_only_missing_cells_are_run_and_every_prediction_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ran: list[tuple[int, int, int]] = []
@@ -95,36 +94,19 @@ def test_only_missing_cells_are_run_and_every_prediction_is_kept_for_pairs(
         cell = cells[fold, seed]
         word = first[reading]["predictions"][seed]
         assert [int(word[image]) for image in cell["test_images"]] == cell[reading]
-    (one,) = pairs_of(load_sweep(tmp_path).points)
-    expected = pair(*load_sweep(tmp_path).points, "last")
-    assert (one["first"], one["second"], one["difference"]) == ("hidden-16", "hidden-12", expected.difference)
-
-
-def predicted(name: str, *predictions: str, labels: str = "00112") -> Point:
-    result = {"predictions": predictions}
-    return {"name": name, "class_names": ["a", "b", "c"], "labels": labels, "last": result, "selected": result}
 
 
 def test_two_points_are_compared_image_by_image() -> None:
-    found = pair(predicted("a", "00110", "00000"), predicted("b", "10112", "00112", "00112"), "last")
+    found = compare("00112", ["00110", "00000"], ["10112", "00112", "00112"])
     assert (found.only_first, found.only_second) == ([1, 0], [1, 3]), "seeds that one alone has do not count"
     assert found.p == [1.0, pytest.approx(0.25)]
     assert (found.accuracy_first, found.accuracy_second) == ([0.8, 0.4], [0.8, 1.0])
     assert found.difference == pytest.approx(0.3)
     assert found.interval[0] < 0.3 < found.interval[1]
-    seeds = pair(predicted("a", "00112", "11221"), predicted("b", "00112", "00112"), "last")
+    seeds = compare("00112", ["00112", "11221"], ["00112", "00112"])
     assert seeds.interval == (0.0, 1.0), "every image gains the same, so that the interval is all of the seeds"
-    same = pair(predicted("a", "00110"), predicted("b", "00110"), "selected")
+    same = compare("00112", ["00110"], ["00110"])
     assert (same.difference, same.interval, same.p) == (0.0, (0.0, 0.0), [1.0])
-    with pytest.raises(InputError, match="a and b have different images or classes and cannot be compared"):
-        pair(predicted("a", "00110"), predicted("b", "00110", labels="00111"), "last")
-
-
-def test_points_without_predictions_or_of_other_images_are_not_compared() -> None:
-    whole, other = predicted("a", "00110"), predicted("b", "00110", labels="00111")
-    bare: Point = predicted("c", "00110") | {"last": {"predictions": None}}
-    (one,) = pairs_of([whole, other, bare, whole | {"name": "d"}])
-    assert (one["first"], one["second"]) == ("a", "d")
 
 
 def test_a_cell_that_diverges_is_named_and_the_others_are_kept(tmp_path: Path) -> None:

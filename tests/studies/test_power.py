@@ -11,9 +11,8 @@ from eskin.power.readouts import READOUTS
 from eskin.power.synthesis import SynthesisReport
 from eskin.skin.textures.dataset import embedded_dataset
 from eskin.skin.textures.presets import preset
-from studies import counts, event_rates, fig6, fig7, sensitivity
+from studies import event_rates, fig6, fig7, sensitivity
 from studies.study import ROOT
-from tests.snn.helpers import few_textures
 
 DOCS = ROOT / "docs"
 MODELS = {
@@ -92,19 +91,6 @@ def _numbers(data: object) -> list[float]:
     if isinstance(data, list):
         return [n for value in data for n in _numbers(value)]
     return [data] if isinstance(data, (int, float)) else []
-
-
-def test_counts_of_encoders_are_compared_with_their_own(monkeypatch):
-    few_textures(monkeypatch, 4)
-    monkeypatch.setattr(counts, "PRESET", "physical")
-    monkeypatch.setattr(counts, "POINTS", ("lcs:2", "lcs:3", "nlcs:4"))
-    found = counts.compute()
-    assert found["empty"]["lcs:3"] < found["empty"]["lcs:2"]
-    assert found["rate_hz"]["lcs:3"] > found["rate_hz"]["lcs:2"]
-    (one,) = found["pairs"]  # encoders are not mixed
-    assert (one["first"], one["second"]) == ("lcs:2", "lcs:3")
-    assert found["empty"]["nlcs:4"] > 0
-    assert 0.5 < one["correlation"] < 1
 
 
 def test_event_rates_are_a_file_that_power_reads(call, folder, monkeypatch):
