@@ -137,11 +137,12 @@ def trainings_at_pressures() -> Rows:
 
 
 def misled_choice() -> dict[str, Any]:
-    """Return the score of the settings that ``train`` chose at pressure 150, and the most accurate settings there."""
+    """Return the scores of the chosen and of the most accurate settings at pressure 150, and the loss by rounding."""
     run = only(read("docs/data/trainings.json")["runs"], test="finger, pressure 150", seed=0)
     last = [score for score in run["choice"] if score["updates"] == run["choice"][-1]["updates"]]
     (chosen,) = (score for score in last if all(score[name] == run[name] for name in ("encoding", "resolution")))
-    return {"chosen": chosen, "best": max(last, key=lambda score: score["right"])}
+    lost = run["right"] - int(_played([run["test"]]))
+    return {"chosen": chosen, "best": max(last, key=lambda score: score["right"]), "lost": lost}
 
 
 def _played(tests: Collection[str]) -> str:
