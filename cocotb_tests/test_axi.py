@@ -24,7 +24,7 @@ CASES = [
 
 @pytest.mark.parametrize(("config", "sink"), CASES, ids=lambda one: one if isinstance(one, str) else "")
 def test_foreign_manager_and_sink_see_the_models(config: BusConfig, sink: str, tmp_path: Path) -> None:
-    counts = run(config, tmp_path, 7, sink, 2800 if config.readout.registers == "spi" else 1200)
+    counts = run(config, tmp_path, 7, sink, 3200 if config.readout.registers == "spi" else 1200)
     assert counts["sent"] == counts["events"] > 100
     assert counts["stalls"] > 20 or sink == "always"
     assert counts["longest"] > 1 or config.readout.columns == 1

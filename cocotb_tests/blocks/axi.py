@@ -13,11 +13,11 @@ import numpy as np
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
 
-from eskin.cocotb_tests.bench.block import JOB, Sink, job
+from eskin.cocotb_tests.bench.block import JOB, Simulator, Sink, job
 from eskin.cocotb_tests.bench.host import walk, words_for
 from eskin.cocotb_tests.blocks.host import inputs_of, whatever
 from eskin.cocotb_tests.runner.simulator import build
-from eskin.model.bus.axi_lite import ACCESS_CLOCKS
+from eskin.model.bus.axi_lite import ACCESS_CLOCKS, BUS_ADDRESS_BITS
 from eskin.model.bus.config import BusConfig
 from eskin.model.classifier.words import packed
 from eskin.model.registers.description import registers
@@ -41,6 +41,13 @@ def pauses(name: str, rng: random.Random) -> Iterator[bool]:
         yield not sink.ready()
 
 
+def protection(rng: random.Random) -> Any:
+    """Return a value of ``AWPROT`` or ``ARPROT``, which has no effect."""
+    from cocotbext.axi import AxiProt
+
+    return AxiProt(rng.randrange(8))
+
+
 class Host:
     """A processor that reads and writes registers over cocotbext-axi."""
 
@@ -58,15 +65,17 @@ class Host:
         self.done: list[Access] = []
 
     async def write(self, address: int, word: int, bytes_written: int = 4) -> None:
-        """Write the lowest bytes of a word."""
-        begin = self.clock
-        said = await self.master.write(address, word.to_bytes(4, "little")[:bytes_written])
+        """Write the lowest bytes of a word, or 3 bytes from the second on."""
+        begin, first = self.clock, bytes_written == 3
+        said = await self.master.write(
+            address + first, word.to_bytes(4, "little")[:bytes_written], prot=protection(self.rng)
+        )
         self._note("write", address, word, begin, response=int(said.resp), whole=bytes_written == 4)
 
     async def read(self, address: int) -> None:
         """Read a word."""
         begin = self.clock
-        said = await self.master.read(address, 4)
+        said = await self.master.read(address, 4, prot=protection(self.rng))
         self._note("read", address, int.from_bytes(said.data, "little"), begin, response=int(said.resp))
 
     def _note(self, kind: str, address: int, word: int, begin: int, **more: Any) -> None:
@@ -77,17 +86,18 @@ class Host:
         found = registers(self.config)
         writable = [register for register in found if register.writable and register.name not in ("control", "test")]
         (events,) = (register.address for register in found if register.name == "events")
+        holes = [address for address in range(0, 1 << BUS_ADDRESS_BITS, 4) if address not in {r.address for r in found}]
         await self.read(found[0].address)  # in the first clock after the reset
         for register in itertools.cycle(writable):
-            if self.clock > self.clocks - 5 * ACCESS_CLOCKS:
+            if self.clock > self.clocks - 7 * ACCESS_CLOCKS:
                 break
             await self.write(register.address, self.rng.choice(words_for(register, self.rng, 0)))
             await self.read(register.address)
-            refused = cocotb.start_soon(self.write(register.address, 0, self.rng.choice([1, 2])))
+            refused = cocotb.start_soon(self.write(register.address, 0, self.rng.choice([1, 2, 3])))
             await self.read(events)
             await refused
-            await self.write(register.address, self.rng.getrandbits(32))
-            await self.read(self.rng.choice([register.address, register.address, 0xFFC]))
+            await self.write(self.rng.choice([register.address, self.rng.choice(holes)]), self.rng.getrandbits(32))
+            await self.read(self.rng.choice([register.address, register.address, self.rng.choice(holes)]))
 
 
 @cocotb.test()
@@ -131,10 +141,12 @@ async def record(dut: Any) -> None:
         if host:
             host.clock = clock
         await FallingEdge(dut.aclk)
+    assert working is None or working.done()
+    dut.aresetn.value = 0
+    await FallingEdge(dut.aclk)
     frames = []
     while not sink.empty():
         frames.append([int(word) for word in sink.recv_nowait(compact=False).tdata])
-    assert working is None or working.done()
     found = {"seen": seen, "frames": frames, "host": host.done if host else []}
     Path("seen.json").write_text(json.dumps(found))
 
@@ -244,9 +256,11 @@ def _accesses(config: BusConfig, events: Any, done: list[Access]) -> Counter[str
     return counts
 
 
-def run(config: BusConfig, folder: Path, seed: int, sink: str, clocks: int) -> Counter[str]:
+def run(
+    config: BusConfig, folder: Path, seed: int, sink: str, clocks: int, simulator: Simulator = "icarus"
+) -> Counter[str]:
     """Play and compare a run; return the counts of what happened."""
     stimulus = prepare(config, folder, seed, sink, clocks)
     env = {JOB: json.dumps({"config": config.to_dict(), "seed": seed})}
-    build(config, "icarus", top="eskin_axi").test(__name__, folder, "record", env)
+    build(config, simulator, top="eskin_axi").test(__name__, folder, "record", env)
     return compare(config, stimulus, json.loads((folder / "seen.json").read_text()))

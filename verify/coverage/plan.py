@@ -7,6 +7,7 @@ from typing import Any
 
 from eskin.board.config import BoardConfig
 from eskin.cocotb_tests.blocks import merge, pattern, registers, skin, spi
+from eskin.model.bus.config import BusConfig
 from eskin.model.cases import LISTED, axes, cases, pairs, values_of
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
@@ -46,7 +47,7 @@ LEFT_OUT = {
 
 def runs() -> list[Run]:
     """Return all coverage runs."""
-    return [*_readouts(), *_frames(), *_hosts(), *_skins(), *_classifiers(), *_boards()]
+    return [*_readouts(), *_frames(), *_hosts(), *_skins(), *_classifiers(), *_boards(), *_buses()]
 
 
 def _readouts() -> Iterator[Run]:
@@ -130,3 +131,14 @@ def _boards() -> Iterator[Run]:
     for design in ("player", "receiver"):
         own = tuple(f"eskin_board_{part}" for part in ("uart_receiver", "uart_sender", "frames_crc"))
         yield Run(f"board {design}", small_board(design), board, only=own)
+
+
+def _buses() -> Iterator[Run]:
+    """Yield runs of readouts behind AXI, with and without registers and time stamps."""
+    few = SMALL.replace(rows=2)
+    for config in (
+        BusConfig(readout=few.replace(registers="spi"), time_bits=4),
+        BusConfig(readout=few.replace(rows=1, encoding="nlcs", reset="async"), time_bits=6),
+    ):
+        own = tuple(f"eskin_axi{part}" for part in ("", "_stream", "_lite"))
+        yield Run(f"axi {config.readout.encoding}", config, stimuli.axi, only=own)

@@ -12,11 +12,13 @@ from eskin.cocotb_tests.bench.host import pins_of
 from eskin.cocotb_tests.bench.random_run import GAPS, SIGNALS, SINKS, RandomRun
 from eskin.cocotb_tests.bench.spi import Timing, waveform
 from eskin.cocotb_tests.blocks.analog import play_faults as play_comparators
+from eskin.cocotb_tests.blocks.axi import run as play_axi
 from eskin.cocotb_tests.blocks.classifier import cosimulate as play_scans
 from eskin.cocotb_tests.blocks.frame import play as play_frames
 from eskin.cocotb_tests.blocks.host import play as play_host
 from eskin.cocotb_tests.runner.block import Steps, play_steps
 from eskin.cocotb_tests.touch import noise
+from eskin.model.bus.config import BusConfig
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
@@ -132,6 +134,12 @@ def alone(top: str, steps: Steps, *seeds: int) -> Callable[[Any, Path], None]:
 def _play_block(top: str, steps: Steps, seeds: Sequence[int], config: Any, folder: Path) -> None:
     for seed in seeds:
         play_steps(getattr(config, "skin", config), VERILATOR, top, steps, folder, seed)
+
+
+def axi(config: BusConfig, folder: Path) -> None:
+    """Simulate a readout behind AXI with every kind of sink, and a host that uses all registers."""
+    for seed, sink in enumerate(SINKS * 2):
+        play_axi(config, folder, seed, sink, 16_000, VERILATOR)
 
 
 def frame(config: FrameConfig, folder: Path) -> None:

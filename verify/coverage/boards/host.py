@@ -8,7 +8,7 @@ import cocotb
 from cocotb.triggers import FallingEdge, Timer
 
 from eskin.board.config import ADDRESS_BITS, DESIGNS, BoardConfig
-from eskin.board.records import VERSION, Ack, Class, Event, Lost, Record, RecordReader, Refused, Tag, Words
+from eskin.board.records import VERSION, Ack, Class, Event, Feature, Lost, Record, RecordReader, Refused, Tag, Words
 from eskin.board.serial_frames import Damaged, Frame, FrameReader, Kind
 from eskin.cocotb_tests.bench.line import CLOCK_NS
 
@@ -133,7 +133,7 @@ class Host:
         values |= {"identity": self.config.identity, "clock_hz": serial.clock_hz, "buffer_bytes": serial.buffer_bytes}
         channels, size, above = 1 << ADDRESS_BITS, 0, 0
         if chip:
-            above = 3 | self.interval << 8
+            above = Feature.CHANGES | Feature.SHORT_EVENTS | Feature.EARLY | self.interval << 8
             channels = chip.classifier.inputs
             size = max(chip.classifier.lanes * chip.classifier.weight_bits, chip.classifier.neuron_bits)
         values |= {"channels": channels, "classes": self.classes, "word_bytes": -(-size // 8)}

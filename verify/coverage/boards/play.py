@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from eskin.board.config import BoardConfig, SerialConfig
 from eskin.board.gateware.top import TOP, Board
-from eskin.board.records import hello_values
+from eskin.board.records import classes_of, hello_values
 from eskin.board.session import weight_frames
 from eskin.cocotb_tests.bench.chip import network_of
 from eskin.cocotb_tests.runner import simulator
@@ -45,7 +45,7 @@ def small_board(design: str) -> BoardConfig:
     serial = SerialConfig(baud=12_500_000, buffer_bytes=512, idle_bits=64, records=128)
     readout = ReadoutConfig(rows=2, columns=3, sample_bits=8, resolution=5, clocks_per_sample=64)
     fields = {"inputs": 12, "hidden": 6, "classes": 3, "lanes": 2, "bin_s": 0.0002}
-    fields |= {"threshold": 60, "floor": -200, "out_threshold": 40, "out_floor": -200}
+    fields |= {"threshold": 60, "floor": -200, "out_threshold": 40, "out_floor": -200, "margin": 2}
     chip = ChipConfig(readout=readout, classifier=ClassifierConfig.from_dict(fields))
     return BoardConfig(chip=chip if design == "player" else None, serial=serial)
 
@@ -90,11 +90,9 @@ def hold(
     model = simulate_chip(chip, network, samples, clocks)
     channels = channels_of(chip, model.events)
     events = [[int(t), int(channel)] for t, channel in zip(model.events["t"], channels, strict=True)]
-    late = min(model.classifier.overruns, default=clocks)
     classes = [
-        [valid, one.winner, valid > late, one.evidence.tolist()]
-        for valid, one in zip(model.classifier.valid, model.classifier.bins, strict=True)
-        if valid < clocks
+        [one.time, one.winner, one.overrun, list(one.evidence), one.sure]
+        for one in classes_of(model.classifier, clocks)
     ]
     for what, wanted in (("events", events), ("classes", classes)):
         if left[what] != wanted:

@@ -243,7 +243,7 @@ async def _leave(host: Host, name: str, clocks: int) -> None:
     """Check the counters, and save the responses for comparison with the model."""
     await host.status(time_low=clocks, time_high=0)
     events = [[one.time, one.address] for one in host.data if isinstance(one, Event)]
-    classes = [[c.time, c.winner, c.overrun, list(c.evidence)] for c in host.data if isinstance(c, Class)]
+    classes = [[c.time, c.winner, c.overrun, list(c.evidence), c.sure] for c in host.data if isinstance(c, Class)]
     Path(name).write_text(json.dumps({"events": events, "classes": classes}))
 
 

@@ -92,8 +92,7 @@ def _files(config: Config | BoardConfig) -> Iterator[tuple[str, str, dict[str, A
         if config.readout == "spikes":
             potentials += [("output", config.output_bits, config.out_floor, config.output_saturates)]
         yield "classifier", "classifier", own | {"classifier": config, "potentials": potentials}
-    else:
-        assert isinstance(config, ChipConfig)
+    elif isinstance(config, ChipConfig):
         yield "chip", "chip", own
 
 
