@@ -26,7 +26,7 @@ from eskin.snn.experiments.recipes import epochs_for, for_recordings
 from eskin.snn.experiments.settings import experiment_of
 from eskin.snn.experiments.sweep import NEEDS
 from studies.study import Data, Result, run, work_of
-from studies.tasks import TRIED, UPDATES, Readout, Trainings, compared, rate_of, references_of
+from studies.tasks import SEEDS, TRIED, UPDATES, Readout, Trainings, compared, rate_of, references_of
 
 RECORDINGS = Path("../BioTac_slide_20_50/raw_data")
 """Class folders of the published recordings."""
@@ -42,7 +42,6 @@ BUDGETS_BPS = (1000, 3000)
 BASELINES: tuple[Baseline, ...] = ("fixed", "first")
 """The level of each slide is kept, or removed with its first value."""
 BIN_S = 0.04
-SEEDS = 1
 
 
 @dataclass(frozen=True)
@@ -96,7 +95,7 @@ def compute(pool: Pool) -> Data:
     for baseline in BASELINES:
         readouts = readouts_of(baseline, RECORDINGS)
         with bar(f"trainings, {baseline}") as step:
-            points, inner = compared(Trainings(store, pool, RECORDINGS, step), readouts, SEEDS)
+            points, inner = compared(Trainings(store, pool, RECORDINGS, step), readouts)
         levels[baseline] = {"points": points, "inner": inner}
     plain = references_of(Slides("biotac", "nlcs:8", "fixed").experiment(RECORDINGS))
     return {"seeds": SEEDS, "labels": plain.pop("labels"), "references": plain, "levels": levels}

@@ -8,6 +8,7 @@ values, or print whole tables whose columns depend on the data.
 # ruff: noqa: F403
 from docs.tables.accuracy import *
 from docs.tables.analog import *
+from docs.tables.biotac import *
 from docs.tables.claims import *
 from docs.tables.energy import *
 from docs.tables.finger import *
