@@ -19,6 +19,7 @@ from hypothesis import settings
 from eskin.app import make
 from eskin.app.catalogue import COMMANDS
 from eskin.app.cli import Command, Commands, app, run
+from eskin.base import progress
 
 Call = Callable[..., tuple[int, str, str]]
 
@@ -85,11 +86,13 @@ def command(name: str) -> Command:
 
 
 @pytest.fixture
-def call(folder: Path) -> Call:
+def call(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Call:
     """Return a function that runs ``eskin`` in the folder and returns exit code, standard output and standard error.
 
-    The function takes a command line, or its words; it splits each word at blanks.
+    The function takes a command line, or its words; it splits each word at blanks. A slow machine prints no lines about
+    progress, so that tests can compare standard error.
     """
+    monkeypatch.setattr(progress, "SILENCE_S", 600.0)
 
     def call(*words: object) -> tuple[int, str, str]:
         done = run_eskin(*(part for word in words for part in str(word).split()))
