@@ -8,6 +8,7 @@ import pytest
 
 from eskin.base.workers.engine import Local
 from eskin.cocotb_tests.runner import build_cache as store
+from eskin.model.bus.config import BusConfig
 from eskin.verify.coverage import plan, stimuli
 from eskin.verify.coverage.constructs import Construct, files, named, read
 from eskin.verify.coverage.plan import Run, runs
@@ -105,7 +106,8 @@ def test_every_point_of_a_design_has_a_name_of_its_own() -> None:
             lines = [line for line in text.splitlines() if not line.startswith("//")]
             assert all(line.startswith(("`COVER(", "`RESETS(")) for line in lines)
             assert len({line.partition(",")[0] for line in lines}) == len(lines)
-        assert sum(text.count("`") for text in of_modules.values()) > 6, run.name
+        points_of = sum(text.count("`") for text in of_modules.values())
+        assert points_of > 6 or isinstance(run.config, BusConfig), run.name  # AXI: toggles and conditions, no points
     assert len({run.name for run in runs()}) == len(runs()) > 40
 
 
