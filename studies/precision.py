@@ -1,7 +1,7 @@
 """Precision: the accuracy of integer networks with few bits.
 
 The integer network is the golden model of the RTL, with every rounding and every saturation, so these are results of
-the hardware (docs/results/classifier.md#in-whole-numbers). The study tests the networks in
+the hardware (docs/results/classifier.md#integer-weights). The study tests the networks in
 ``out/train*/NETWORK/TRAINING``.
 """
 

@@ -24,7 +24,7 @@ MAX_OWN_SHIFT = 2**OWN_SHIFT_BITS - 1
 
 HEADROOM = 32
 """Thresholds, or floors if these are larger, on each side of 0 before a narrow potential saturates. With 16 of them no
-class of 24 networks changed (docs/results/classifier.md#in-whole-numbers)."""
+class of 24 trained networks changed."""
 
 CLASSIFIER = "docs/reference/classifier.md"
 
