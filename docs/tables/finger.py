@@ -137,12 +137,18 @@ def trainings_at_pressures() -> Rows:
 
 
 def misled_choice() -> dict[str, Any]:
-    """Return the scores of the chosen and of the most accurate settings at pressure 150, and the loss by rounding."""
+    """Return the scores of the chosen and of the most accurate settings at pressure 150."""
     run = only(read("docs/data/trainings.json")["runs"], test="finger, pressure 150", seed=0)
     last = [score for score in run["choice"] if score["updates"] == run["choice"][-1]["updates"]]
     (chosen,) = (score for score in last if all(score[name] == run[name] for name in ("encoding", "resolution")))
-    lost = run["right"] - int(_played([run["test"]]))
-    return {"chosen": chosen, "best": max(last, key=lambda score: score["right"]), "lost": lost}
+    return {"chosen": chosen, "best": max(last, key=lambda score: score["right"])}
+
+
+def means_at_pressures() -> dict[str, float]:
+    """Return the mean accuracies over the pressures of the default network and of both references, in percent."""
+    rows = list(trainings_at_pressures())
+    means = {name: 100 * float(np.mean([row[name] / row["of"] for row in rows])) for name in ("signals", "forest")}
+    return means | {"network": 100 * trained_means(finger_report(), given=False)["mean of five pressures"]}
 
 
 def _played(tests: Collection[str]) -> str:

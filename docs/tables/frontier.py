@@ -185,17 +185,13 @@ def more_scans_values() -> Data:
         for label, answer in zip(point["labels"], word, strict=True)
         if label != answer
     ]
-    steps = read("docs/data/steps.json")
     (low,) = (one for one in _with_more_scans() if one["name"] == points["nlcs-bipolar", 1000]["name"])
     return {
         "few": _significant(few),
         "rivals": _significant(rivals),
         "best": bipolar,
-        "lcs": points["lcs", 2200],
-        "frame": points["frame", 2200],
         "low": points["nlcs-bipolar", 1000] | {"inner": low},
-        "steps": steps,
-        "gain": steps["rules"][steps["chosen"]]["of_scans"] - only(steps["rules"], growth=1)["of_scans"],
+        "steps": read("docs/data/steps.json"),
         "errors": len(errors),
         "confused": errors.count({SAND, STONE}),
     }
