@@ -185,12 +185,11 @@ def more_scans_values() -> Data:
         for label, answer in zip(point["labels"], word, strict=True)
         if label != answer
     ]
-    (low,) = (one for one in _with_more_scans() if one["name"] == points["nlcs-bipolar", 1000]["name"])
     return {
         "few": _significant(few),
         "rivals": _significant(rivals),
         "best": bipolar,
-        "low": points["nlcs-bipolar", 1000] | {"inner": low},
+        "low": points["nlcs-bipolar", 1000],
         "steps": read("docs/data/steps.json"),
         "errors": len(errors),
         "confused": errors.count({SAND, STONE}),
